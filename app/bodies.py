@@ -20,9 +20,14 @@ MAX_VALUES = 120_000
 
 
 def read_request(content: bytes, model: type[RequestModel]) -> RequestModel:
-    """Parse a body. Raises `Invalid` for JSON that violates the model.
+    """Parse a body.
 
-    Raises problems.Problem for a body that is not JSON, or has an object with the same key twice.
+    Raises
+    ------
+    problems.Problem
+        For a body that is not JSON, or has an object with the same key twice.
+    Invalid
+        For JSON that violates the model.
     """
     check_counts(content)
     try:

@@ -123,7 +123,12 @@ class Workers:
     async def answer(self, request: Request, question: Question, content: bytes) -> Response:
         """Return the reply to a body, computed by a worker; the computation ends if the client disconnects.
 
-        Raises problems.Problem, OutOfTime or ClientDisconnect if the request cannot be answered, and FieldError if it is invalid.
+        Raises
+        ------
+        problems.Problem, OutOfTime, ClientDisconnect
+            The request cannot be answered.
+        FieldError
+            The request is invalid.
         """
         check_counts(content)
         is_long = len(content) > SMALL or question.is_long(read_request(content, question.model))

@@ -73,7 +73,19 @@ def pointer(location: Iterable[str | int]) -> str:
 def problem(
     status: int, detail: str, errors: list[dict[str, Any]] | None = None, headers: dict[str, str] | None = None
 ) -> Response:
-    """Return a problem+json response with a description and rows ``{"pointer", "detail"}`` of the errors."""
+    """Return a problem+json response.
+
+    Parameters
+    ----------
+    status : int
+        HTTP status.
+    detail : str
+        Description of the error.
+    errors : list of dict, optional
+        Rows ``{"pointer", "detail"}``.
+    headers : dict, optional
+        Additional headers.
+    """
     body = {"type": "about:blank", "title": HTTPStatus(status).phrase, "status": status, "detail": detail}
     body |= {"errors": errors} if errors else {}
     return Response(

@@ -145,7 +145,14 @@ class Invalid(FieldError):
 def invalid(error: ValidationError, model: type[BaseModel], quoting: bool = False) -> Invalid:
     """Return the first errors of a request as sentences; the sentence on an unknown field names similar fields.
 
-    ``quoting``: quote the value of the field, see `app.sentences.sentence`.
+    Parameters
+    ----------
+    error : ValidationError
+        Errors of pydantic.
+    model : type
+        Model of the request.
+    quoting : bool
+        Quote the value of the field, see `app.sentences.sentence`.
     """
     rows = []
     for row in _of_fields(error.errors(include_url=False))[:MAX_ERRORS]:

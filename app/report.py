@@ -29,9 +29,25 @@ pre { white-space: pre-wrap; font-size: .85em } footer { color: #666; margin-top
 
 
 def report_html(result: Result, rank: int, title: str, request: dict[str, Any], units: Units) -> str:
-    """Write a report on the solution of a rank, from 1, as HTML that contains its drawings and its style.
+    """Write a report on a solution.
 
-    The report repeats the request, as plain values.
+    Parameters
+    ----------
+    result : Result
+        Reply with the solution.
+    rank : int
+        Rank of the solution, from 1.
+    title : str
+        Name of the request.
+    request : dict
+        The request as plain values, which the report repeats.
+    units : Units
+        Units of angles and lengths.
+
+    Returns
+    -------
+    str
+        HTML that contains its drawings and its style.
     """
     solution = result[rank - 1]
     count = f"{len(result)} solution{'s' if len(result) > 1 else ''}"

@@ -22,8 +22,14 @@ def opened(path: Path) -> la.Atlas:
 class ServiceResources:
     """The atlas and the time limits of a process.
 
-    ``find_atlas(settings)`` returns the file of the atlas, by default the configured file, and ``cancelled()`` returns True if
-    the current answer was cancelled.
+    Parameters
+    ----------
+    settings : Settings
+        Settings of the service.
+    find_atlas : callable, optional
+        ``find_atlas(settings)`` returns the file of the atlas; default: the configured file.
+    cancelled : callable, optional
+        ``cancelled()`` returns True if the current answer was cancelled.
     """
 
     def __init__(

@@ -146,11 +146,26 @@ def read_load(
     link: str | None = None,
     middles: Mapping[str, complex] | None = None,
 ) -> tuple[Load, bool]:
-    """Check the load in a field of a request; return it, and whether the masses of the parts are added.
+    """Check a load; return it, and whether the masses of the parts are added.
 
-    ``links`` may have a mass, ``mounted`` is true if there is a body point, and fields of ``also`` are read elsewhere. ``link``
-    has the masses that name no link. A mass without ``centre`` is at the point of ``middles`` for its link, or else at the
-    origin of the link's frame.
+    Parameters
+    ----------
+    field : str
+        Name of the load in the request.
+    values : mapping
+        The load.
+    links : sequence of str
+        Links that may have a mass.
+    mounted : bool
+        True if there is a body point.
+    max_parts : int
+        Maximum number of masses.
+    *also : str
+        Names of further fields, which are read elsewhere.
+    link : str, optional
+        Link of a mass that names none.
+    middles : mapping, optional
+        Centre of a mass without ``centre``, by link; default: the origin of the link's frame.
     """
     known_fields(field, values, ("force", "torque", "masses", "parts", "gravity", *also))
     values = {name: value for name, value in values.items() if value is not None}

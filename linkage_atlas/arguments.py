@@ -131,8 +131,14 @@ def known_fields(field: str, value: object, names: tuple[str, ...]) -> Fields:
 def read_fields(where: str, values: object, readers: Mapping[str, Callable[[str, Any], Any]]) -> dict[str, Any]:
     """Return the checked fields of a mapping that are not None; raise FieldError for a wrong value or an unknown name.
 
-    ``where``: path of the fields in error messages, with a slash at its end; ``readers``: for each known name
-    ``read(field, value)``, which returns the checked value or raises FieldError.
+    Parameters
+    ----------
+    where : str
+        Path of the fields in error messages, with a slash at its end.
+    values : mapping
+        Fields by name.
+    readers : mapping
+        For each known name ``read(field, value)``, which returns the checked value or raises FieldError.
     """
     known = known_fields(where.rstrip("/"), values, tuple(readers))
     return {name: readers[name](f"{where}{name}", value) for name, value in known.items() if value is not None}

@@ -122,10 +122,20 @@ def decoded(content: bytes) -> str:
 
 
 def sheet_of(text: str, known: frozenset[str], needed: Sequence[str] = ()) -> Sheet:
-    """Split a text into rows of cells and heads. Raises FieldError that names the line, also without any row of numbers.
+    """Split a text into rows of cells and heads.
 
-    Names of columns in ``known`` distinguish a line of heads from a title above it, and so do the heads that the user has named
-    (``needed``).
+    Parameters
+    ----------
+    text : str
+    known : frozenset of str
+        Names of columns that distinguish a line of heads from a title above it.
+    needed : sequence of str
+        Texts of heads that the user has named.
+
+    Raises
+    ------
+    FieldError
+        Naming the line; without any row of numbers too.
     """
     text = text.lstrip("\ufeff")
     if text.lstrip().startswith(("[", "(")):  # a list of lists, or points

@@ -218,9 +218,21 @@ def what_excludes(
 ) -> list[str]:
     """Return sentences on the limits, single ones or else pairs, without which there are linkages.
 
-    A search within ``limits`` found nothing; ``search`` is a quick search within other limits for linkages that the noun
-    ``subject`` names. Limits that the request sets (``named``) are tried first. The number of searches is bounded, so that the
-    same request gets the same sentences. If the time is up before, the last sentence is about that.
+    The number of searches is bounded, so that the same request gets the same sentences. If the time is up before, the last
+    sentence is about that.
+
+    Parameters
+    ----------
+    limits : Limits
+        A search within them found nothing.
+    motion : Motion
+    search : callable
+        A quick search within other limits.
+    work : Work
+    named : collection of str
+        Names of the limits that the request sets, which are tried first.
+    subject : str
+        Noun for the linkages that the search finds.
     """
     names = [name for name in limits.active_names if name != "family"]
     if limits.family != "any":  # it may be the default, which the user has not thought of

@@ -52,7 +52,13 @@ class Kinds(NamedTuple):
 
 
 def read_kinds(mechanisms: object, driver: object, motion: Motion) -> Kinds:
-    """Read the kinds of mechanism. Raises FieldError if a kind or the driver is unknown, or cannot make the motion."""
+    """Read the kinds of mechanism and check them against the motion.
+
+    Raises
+    ------
+    FieldError
+        If a kind or the driver is unknown, or cannot make such a motion.
+    """
     names = ("four_bar",) if mechanisms is None else mechanisms
     names = (names,) if isinstance(names, str) and names != "all" else names
     requested = tuple(map(Kind, kinds_among(names, MECHANISMS)))

@@ -81,7 +81,13 @@ class PartSettings:
         return Sizes(self.hole, self.width, self.clearance)
 
     def completed(self, hole: float, width: float, clearance: float) -> PartSizes:
-        """Return the sizes, with sizes that the linkage allows as defaults; the default hole is rounded down."""
+        """Return the sizes with all defaults filled in.
+
+        Parameters
+        ----------
+        hole, width, clearance : float
+            Sizes that the linkage allows. The default hole is rounded down from ``hole``.
+        """
         unit = self.millimetres
         standard = hole * unit >= HOLES[0] * (1 - 1e-9)
         if self.hole is None and standard:

@@ -54,10 +54,17 @@ def plot_poses(position: Floats, rotation: Floats | None, ax: Axes | None, arrow
 def plot_linkage(
     linkage: Linkage, ax: Axes | None, travel: Floats, used: Interval | None = None, *, names: bool = True
 ) -> Axes:
-    """Draw a linkage at travel (n,) of its drive from the start, in radians or lengths, with the path of its body point.
+    """Draw a linkage in one or several positions of its drive, with the path of its body point.
 
-    Positions after the first are drawn faintly. ``used``: travel along which the path is drawn; default: the positions drawn, or
-    a whole turn for a single position. ``names``: name the joints A, B, C and D of a four-bar.
+    Parameters
+    ----------
+    travel : ndarray, shape (n,)
+        Travel of the drive from its start, radians or lengths, of the positions to draw.
+        Positions after the first are drawn faintly.
+    used : Interval, optional
+        Travel along which the path is drawn; default: the positions drawn, or a whole turn for a single position.
+    names : bool
+        Whether the joints A, B, C and D of a four-bar are named.
     """
     ax = axes_for(ax)
     if used is None and (len(travel) > 1 or not linkage.turns_fully):

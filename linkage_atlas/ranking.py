@@ -50,10 +50,18 @@ UNRANKED: LayerRank = (True, 0, 0)
 
 
 class Ranking:
-    """Order of the linkages for a motion and a preference, one of `synthesis.ranking.PREFERENCES`.
+    """Order of the linkages for a motion and a preference.
 
-    A linkage with an objective below ``tolerance`` is exact. If the linkage with the smallest error is out of proportion,
-    linkages above the proportion ``fair`` count with a larger error.
+    Parameters
+    ----------
+    motion : Motion
+    prefer : str
+        One of `synthesis.ranking.PREFERENCES`.
+    tolerance : float
+        Objective below which a linkage is exact.
+    fair : float, optional
+        If the linkage with the smallest error is out of proportion, linkages above this proportion count with a
+        larger error.
     """
 
     def __init__(self, motion: Motion, prefer: str, tolerance: float, fair: float | None = None) -> None:

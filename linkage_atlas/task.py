@@ -136,7 +136,15 @@ def read_task(
     more: Fields,
     work: Callable[[float | None], Work],
 ) -> Task:
-    """Check the arguments of `synthesize`. Raises FieldError that names a wrong argument, or TypeError for an unknown name."""
+    """Check the arguments of `synthesize`.
+
+    Raises
+    ------
+    FieldError
+        If an argument is wrong; the error names it.
+    TypeError
+        If there is no argument of this name.
+    """
     _check_options(options)
     tolerance = number("tolerance", options.tolerance, 0.0)
     refine_only = check_refine_only(options.refine_only, options.start_from)

@@ -46,8 +46,12 @@ def check_distances(vectors: Complexes, error: Callable[[int, str], FieldError])
 def poses_of_points(points: ArrayLike, degrees: bool) -> tuple[list[float], list[list[float]], list[str]]:
     """Return continuous rotations, positions and notes of two points, rows [x1, y1, x2, y2].
 
-    The position belongs to the first point, and the rotation is the direction to the second. Raises FieldError of the field
-    ``points``, with the row.
+    The position belongs to the first point, and the rotation is the direction to the second.
+
+    Raises
+    ------
+    FieldError
+        Of the field ``points``, with the row.
     """
     rows = column("points", points)
     if rows.ndim != 2 or rows.shape[1] != 4:

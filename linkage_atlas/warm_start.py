@@ -64,8 +64,12 @@ def check_refine_only(refine_only: object, start_from: object) -> bool:
 def read_starts(starts: Sequence[StartingLinkage] | None, degrees: bool) -> list[Start]:
     """Read the linkages of ``start_from``, if the request has any.
 
-    Each is a `Linkage`, a solution, or the plain values of either in the request's unit of angle. Raises FieldError that names
-    the field of a wrong linkage.
+    Each is a `Linkage`, a solution, or the plain values of either in the request's unit of angle.
+
+    Raises
+    ------
+    FieldError
+        If a linkage is wrong; the error names its field.
     """
     if starts is None:
         return []

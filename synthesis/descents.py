@@ -118,8 +118,16 @@ class Stage(NamedTuple):
 class Problem:
     """Samples, a chart and limits made ready for many candidates.
 
-    ``limits``: limits of the descents, over the length scale and from the mean position. ``ordered``, ``span_max``, ``crank``,
-    ``fixed``, ``closed``: see `crank_descent.Descent`. ``shortest``: |z1| below this is no crank.
+    Parameters
+    ----------
+    samples : Samples
+    chart : Chart
+    limits : four_bar_limits.Limits, optional
+        That descents keep to, over the length scale and from the mean position.
+    ordered, span_max, crank, fixed, closed
+        As of `crank_descent.Descent`.
+    shortest : float
+        |z1| below this is no crank.
 
     Attributes
     ----------

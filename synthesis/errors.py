@@ -39,9 +39,14 @@ _ITEMS = {
 class FieldError(ValueError):
     """Invalid input: the field, the fault, and its amount.
 
-    ``field``: JSON pointer into the request, for example ``/limits/pivot_box``; the empty string is the whole request.
-    ``message``: sentence for the user: what was found and what is allowed. ``**details``: further facts as plain JSON values,
-    for example ``constraint="closure", amount=12.5``.
+    Parameters
+    ----------
+    field : str
+        JSON pointer into the request, for example ``/limits/pivot_box``; the empty string is the whole request.
+    message : str
+        Sentence for the user: what was found and what is allowed.
+    **details
+        Further facts as plain JSON values, for example ``constraint="closure", amount=12.5``.
 
     Examples
     --------
@@ -74,9 +79,18 @@ class FieldError(ValueError):
     ) -> FieldError:
         """Return the error of an unknown name, with similar names, or else all known names.
 
-        ``where``: JSON pointer to the object that has the name. ``name``: the unknown name. ``known``: names that the object
-        may have. ``what``: kind of the name, for the sentence. ``elsewhere``: paths of the names in all objects; the path of an
-        almost equal name is given if `known` has none that is closer.
+        Parameters
+        ----------
+        where : str
+            JSON pointer to the object that has the name.
+        name : str
+            The unknown name.
+        known : sequence of str
+            Names that the object may have.
+        what : str
+            Kind of the name, for the sentence.
+        elsewhere : mapping of str to str, optional
+            Paths of the names in all objects; the path of an almost equal name is given if `known` has none that is closer.
         """
         from difflib import get_close_matches  # imported here because valid requests do not need it
 
@@ -111,7 +125,12 @@ class AtlasFault(StrEnum):
 class AtlasError(Exception):
     """Error of an atlas file that must not be used.
 
-    ``fault``: the kind of fault. ``detail``: the observation, in words.
+    Parameters
+    ----------
+    fault : AtlasFault
+        The kind of fault.
+    detail : str
+        The observation, in words.
 
     Examples
     --------

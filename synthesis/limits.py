@@ -373,7 +373,12 @@ def practical_limits(samples: Samples, arguments: dict[str, Any]) -> dict[str, A
 
     A limit of the request replaces the practical limit, and its lengths are allowed.
 
-    ``samples``: motion, whose extent limits lengths and distances. ``arguments``: arguments of `Limits` in the request.
+    Parameters
+    ----------
+    samples : Samples
+        Motion, whose extent limits lengths and distances.
+    arguments : dict
+        Arguments of `Limits` in the request.
     """
     practical = _practical(samples, arguments)
     lengths = [length for length in arguments.get("links", ()) if length is not None]

@@ -26,7 +26,12 @@ class BodyMotions(NamedTuple):
 def body_motions(linkages: Sequence[Linkage], travel: ArrayLike) -> BodyMotions:
     """Return the motions of the bodies of linkages.
 
-    ``linkages``: at least one. ``travel`` (n, N): travel of each drive from the first sample, in radians or units of length.
+    Parameters
+    ----------
+    linkages : sequence of Linkage
+        At least one.
+    travel : array_like, shape (n, N) or (N,)
+        Travel of each drive from the first sample, in radians or units of length.
     """
     travel = np.atleast_2d(np.asarray(travel, dtype=float))
     travel = np.broadcast_to(travel, (len(linkages), travel.shape[1]))

@@ -110,7 +110,11 @@ OPTIONS = LocalOptions()
 def turning_fully(linkage: Linkage, family: str) -> Linkage:
     """Return the linkage if it belongs to a family of full cranks, otherwise a similar linkage that does, mounted alike.
 
-    ``family``: family of `limits.FAMILIES`; ``any`` means full cranks.
+    Parameters
+    ----------
+    linkage : Linkage
+    family : str
+        Family of `limits.FAMILIES`; ``any`` means full cranks.
     """
     family = "full_crank" if family == "any" else family
     if in_family(family, np.array([linkage.links]))[0]:
@@ -152,8 +156,16 @@ def refine_motion(
 ) -> tuple[list[Solution], SearchReport]:
     """Refine a linkage by descents and return the best result.
 
-    ``linkage``: initial linkage; if it is not mounted, it starts in its best pose. ``tolerance``: objective below which the
-    descents end.
+    Parameters
+    ----------
+    target : Target
+    limits : Limits
+    linkage : Linkage
+        Initial linkage; if it is not mounted, it starts in its best pose.
+    tolerance : float
+        Objective below which the descents end.
+    work : Work
+        When it has expired, the best result so far is returned.
 
     Returns
     -------
@@ -180,7 +192,10 @@ def refine_motion(
 def nearby_motion(target: Target, limits: Limits, linkage: Linkage, tolerance: float, work: Work) -> list[Solution]:
     """Return a linkage moved no farther than needed; for the parameters and the law see `refine_motion`.
 
-    Return a single linkage within the limits; empty if the descent does not lead into them.
+    Returns
+    -------
+    list of Solution
+        A single linkage within the limits; empty if the descent does not lead into them.
     """
     if target.clockwise:
         moved = nearby_motion(target.mirrored(), limits.mirrored(), linkage.mirrored(), tolerance, work)
@@ -452,8 +467,14 @@ def refine_function(
 ) -> tuple[list[Generator], SearchReport]:
     """Refine a function generator by descents and return the best result.
 
-    ``task``: given lengths and zeros replace the lengths and zeros of the linkage. ``linkage``: a four-bar. ``offset``: output
-    = theta3 + offset with theta3 in (-pi, pi] at the first sample; None: the offset with the smallest rms error.
+    Parameters
+    ----------
+    task : FunctionTask
+        Given lengths and zeros replace the lengths and zeros of the linkage.
+    linkage : Linkage
+        A four-bar.
+    offset : float or None
+        output = theta3 + offset with theta3 in (-pi, pi] at the first sample; None: the offset with the smallest rms error.
 
     Returns
     -------

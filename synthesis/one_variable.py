@@ -31,9 +31,14 @@ def bisect(
 ) -> tuple[Floats, Floats]:
     """Locate the change of a condition by bisection.
 
-    ``holds(x) -> mask`` for x of shape (n,); true at ``inside`` and false at ``outside``. ``inside``, ``outside`` (n,): ends of
-    the intervals, in either order. The bisection uses their precision, double or extended. ``steps``: number of bisections. By
-    default, until no number lies between the two ends, for intervals that do not start at 0.
+    Parameters
+    ----------
+    holds : callable
+        ``holds(x) -> mask`` for x of shape (n,); true at ``inside`` and false at ``outside``.
+    inside, outside : ndarray, shape (n,)
+        Ends of the intervals, in either order. The bisection uses their precision, double or extended.
+    steps : int, optional
+        Number of bisections. By default, until no number lies between the two ends, for intervals that do not start at 0.
 
     Returns
     -------
@@ -60,8 +65,14 @@ def rising_root(
 
     The method is a Newton iteration that bisects when a step leaves the bracket.
 
-    ``function(x) -> (value, slope)``. If the slope is NaN, the interval is bisected. ``low``, ``high``, ``guess``: brackets and
-    initial values, which broadcast. NaN gives NaN. ``noise``: absolute value up to which a value counts as 0.
+    Parameters
+    ----------
+    function : callable
+        ``function(x) -> (value, slope)``. If the slope is NaN, the interval is bisected.
+    low, high, guess : array_like
+        Brackets and initial values, which broadcast. NaN gives NaN.
+    noise : array_like
+        Absolute value up to which a value counts as 0.
 
     Returns
     -------
@@ -97,8 +108,12 @@ def secant(
 ) -> Callable[[Floats], tuple[Floats, Floats]]:
     """Return a function with a secant slope, for `rising_root` with a function of one member without a derivative.
 
-    ``function(x) -> value``, both of shape (1,). ``x_known``, ``value``: a point and the function value there. It must differ
-    from the first point at which the result is evaluated.
+    Parameters
+    ----------
+    function : callable
+        ``function(x) -> value``, both of shape (1,).
+    x_known, value : float
+        A point and the function value there. It must differ from the first point at which the result is evaluated.
 
     Returns
     -------
@@ -122,9 +137,14 @@ def closer_looks(
 ) -> tuple[Floats, Floats]:
     """Find the smallest values of functions over intervals by repeatedly refined grids.
 
-    ``function(x) -> values``, both of shape (n, nodes); row i belongs to interval i. ``left``, ``right`` (n,): ends of the
-    intervals. ``nodes``: number of nodes of each grid. Each grid covers the interval between the neighbours of the best node
-    before it.
+    Parameters
+    ----------
+    function : callable
+        ``function(x) -> values``, both of shape (n, nodes); row i belongs to interval i.
+    left, right : ndarray, shape (n,)
+        Ends of the intervals.
+    nodes : tuple of int
+        Number of nodes of each grid. Each grid covers the interval between the neighbours of the best node before it.
 
     Returns
     -------
@@ -149,8 +169,14 @@ def golden_section(
 
     This method suits functions that are slow to evaluate and may have kinks. `closer_looks` needs fewer but larger steps.
 
-    ``function(x) -> values``, both of the shape of ``left``. ``left``, ``right``: ends of the intervals. ``steps``: number of
-    steps, each of which reduces an interval to 0.618 of its length.
+    Parameters
+    ----------
+    function : callable
+        ``function(x) -> values``, both of the shape of ``left``.
+    left, right : ndarray
+        Ends of the intervals.
+    steps : int
+        Number of steps, each of which reduces an interval to 0.618 of its length.
 
     Returns
     -------

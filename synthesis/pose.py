@@ -56,7 +56,10 @@ class FixedColumns(NamedTuple):
 def fixed_columns(target: Target) -> FixedColumns:
     """Compute the columns of a target that are common to all candidates.
 
-    ``target``: a target with positions.
+    Parameters
+    ----------
+    target : Target
+        A target with positions.
     """
     assert target.position is not None
     mean = target.position_mean
@@ -86,9 +89,17 @@ class PositionFit(NamedTuple):
 def fit_positions(target: Target, angle: Floats) -> PositionFit:
     """Compute the least-squares pose of candidates.
 
-    ``target``: a target with positions. ``angle`` (n, N): angle theta2 of the candidates at the samples.
+    Parameters
+    ----------
+    target : Target
+        A target with positions.
+    angle : ndarray, shape (n, N)
+        Angle theta2 of the candidates at the samples.
 
-    Return the pose with the smallest mean square residual. If e^{i theta2} lies in the span of {1, e^{it}}, z2 is 0.
+    Returns
+    -------
+    PositionFit
+        The pose with the smallest mean square residual. If e^{i theta2} lies in the span of {1, e^{it}}, z2 is 0.
     """
     mean, scale = target.position_mean, target.length_scale
     column, crank_mean, crank_norm = _crank_column(target)
@@ -120,7 +131,12 @@ def whole_turns(angle: Floats) -> Floats:
 def rotation_residual(target: Target, angle: Floats) -> tuple[Floats, Floats]:
     """Compute the rotation offset of candidates and the remaining rotation error.
 
-    ``target``: a target with rotations. ``angle`` (n, N): angle theta2 of the candidates at the samples.
+    Parameters
+    ----------
+    target : Target
+        A target with rotations.
+    angle : ndarray, shape (n, N)
+        Angle theta2 of the candidates at the samples.
 
     Returns
     -------
@@ -143,11 +159,19 @@ def rotation_residual(target: Target, angle: Floats) -> tuple[Floats, Floats]:
 def objective(target: Target, angle: Floats) -> Floats:
     """Compute the objective J = sqrt(mean square rotation error + mean square position error / l^2) of candidates.
 
-    ``target``: a target with rotations, positions or both. ``angle`` (n, N): angle theta2 of the candidates at the samples.
-    Only the increments of theta1 are used, from the target; its start is part of the fitted crank vector.
+    Parameters
+    ----------
+    target : Target
+        A target with rotations, positions or both.
+    angle : ndarray, shape (n, N)
+        Angle theta2 of the candidates at the samples.
+        Only the increments of theta1 are used, from the target; its start is part of the fitted crank vector.
 
-    Return the objective; without positions this is the rms rotation error in radians. Infinite for candidates that do not close
-    at every sample, and for candidates whose best fit is a linkage that is shrunk to a point. The result has shape (n,).
+    Returns
+    -------
+    ndarray, shape (n,)
+        The objective; without positions this is the rms rotation error in radians. Infinite for candidates that do
+        not close at every sample, and for candidates whose best fit is a linkage that is shrunk to a point.
     """
     total = np.zeros(len(angle))
     if target.rotation is not None:

@@ -57,7 +57,10 @@ class Poses(Samples):
         The requested rotation is the difference of the angles of both samples. If it exceeds half a turn, an angle may have
         been wrapped, so the difference without whole turns is accepted too.
 
-        ``rotation`` (..., M): continuous rotation at the crank angles of `there_and_back`, with any offset.
+        Parameters
+        ----------
+        rotation : ndarray, shape (..., M)
+            Continuous rotation at the crank angles of `there_and_back`, with any offset.
 
         Returns
         -------
@@ -134,8 +137,12 @@ class Poses(Samples):
     def timed(self, crank: Floats, rotation: Floats | None) -> Target:
         """Return the request as a target with known crank angles, for one or several linkages.
 
-        ``crank`` (..., N): crank angles of all requested samples from the first sample. ``rotation`` (..., N): rotation of the
-        body at these samples. Requested rotations are shifted by whole turns to be closest to it.
+        Parameters
+        ----------
+        crank : ndarray, shape (..., N)
+            Crank angles of all requested samples from the first sample.
+        rotation : ndarray, shape (..., N), or None
+            Rotation of the body at these samples. Requested rotations are shifted by whole turns to be closest to it.
         """
         complete = self if self.requested is None else self.requested
         turns, moved = complete.rotation, np.zeros(1)
@@ -188,7 +195,10 @@ def make_poses(
 
     If the last sample of a closed path repeats the first, it is omitted, and the first sample gets its weights.
 
-    Raise `FieldError` if a field is invalid; the error names the field and the sample.
+    Raises
+    ------
+    FieldError
+        If a field is invalid; the error names the field and the sample.
     """
     if position is None:
         raise FieldError(

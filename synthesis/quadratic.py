@@ -13,9 +13,20 @@ def minimise_quadratics(
 ) -> tuple[Floats, Floats]:
     """Minimise ``z'Hz/2 + g'z`` subject to ``Az + b >= 0``.
 
-    ``hessian`` (n, k, k): positive semidefinite matrices H. ``gradient`` (n, k): vectors g. ``matrix`` (n, m, k): matrices A.
-    ``bound`` (n, m): vectors b. ``inside`` (n, k): starting points with ``matrix @ z + bound > 0``. ``accuracy`` (n,): a
-    program ends when the sum of its multipliers times its slacks does not exceed this value.
+    Parameters
+    ----------
+    hessian : ndarray, shape (n, k, k)
+        Positive semidefinite matrices H.
+    gradient : ndarray, shape (n, k)
+        Vectors g.
+    matrix : ndarray, shape (n, m, k)
+        Matrices A.
+    bound : ndarray, shape (n, m)
+        Vectors b.
+    inside : ndarray, shape (n, k)
+        Starting points with ``matrix @ z + bound > 0``.
+    accuracy : float or ndarray, shape (n,)
+        A program ends when the sum of its multipliers times its slacks does not exceed this value.
 
     Returns
     -------

@@ -18,10 +18,17 @@ _BLOCK_CELLS = 1024
 def csv_text(columns: Mapping[str, Iterable[Any]], line_end: str = "\r\n") -> str:
     """Write a CSV table with a header line.
 
-    ``columns``: cells of each column, by name; None gives an empty cell, and numbers keep their full precision. ``line_end``:
-    end of a line.
+    Parameters
+    ----------
+    columns : mapping
+        Cells of each column, by name; None gives an empty cell, and numbers keep their full precision.
+    line_end : str, optional
+        End of a line.
 
-    Return the text of the file.
+    Returns
+    -------
+    str
+        The text of the file.
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator=line_end)
@@ -53,9 +60,16 @@ class Sheet:
 
     Coordinates are relative to the corner of the page, because viewers store them in single precision.
 
-    ``points``: points x + i y that must be on the page. ``margin``: margin on each side, as a fraction of the larger extent of
-    the points. ``size``: larger side of the page; without a value the unit of the drawing is kept. ``digits``: number of
-    significant digits of a coordinate.
+    Parameters
+    ----------
+    points : ndarray of complex
+        Points x + i y that must be on the page.
+    margin : float
+        Margin on each side, as a fraction of the larger extent of the points.
+    size : float, optional
+        Larger side of the page; without a value the unit of the drawing is kept.
+    digits : int, optional
+        Number of significant digits of a coordinate.
     """
 
     def __init__(
@@ -129,7 +143,12 @@ class More(NamedTuple):
 def dxf_document(layers: Mapping[str, int], unit: int) -> Any:
     """Create an empty DXF document (R2010).
 
-    ``layers``: AutoCAD colour index of each layer. ``unit``: value of $INSUNITS: 4 for millimetres, 0 for no unit.
+    Parameters
+    ----------
+    layers : mapping
+        AutoCAD colour index of each layer.
+    unit : int
+        Value of $INSUNITS: 4 for millimetres, 0 for no unit.
     """
     from ezdxf.filemanagement import new
 

@@ -33,11 +33,19 @@ def hinge_of(samples: Samples, allowed: float | None = None, min_poses: int = _P
     With rotations the positions belong to a point of the body, ``p = centre + arm e^{i rotation}``, which is linear
     in centre and arm. Without rotations they must follow in order on a circle.
 
-    ``samples``: the motion. Samples without a position are left out, and samples without a rotation if other samples have a
-    rotation. ``allowed``: largest distance of a position from the hinge's motion. Default: `WITHIN` of the extent.
-    ``min_poses``: smallest number of poses for which a hinge is returned. Default: 3, since two poses always fit a hinge.
+    Parameters
+    ----------
+    samples : Samples
+        The motion. Samples without a position are left out, and samples without a rotation if other samples have a rotation.
+    allowed : float, optional
+        Largest distance of a position from the hinge's motion. Default: `WITHIN` of the extent.
+    min_poses : int, optional
+        Smallest number of poses for which a hinge is returned. Default: 3, since two poses always fit a hinge.
 
-    The result is None if no hinge makes the motion, or the centre is farther away than practical limits allow.
+    Returns
+    -------
+    Hinge or None
+        None if no hinge makes the motion, or the centre is farther away than practical limits allow.
     """
     if samples.position is None:
         return None
@@ -51,8 +59,12 @@ def hinge_of(samples: Samples, allowed: float | None = None, min_poses: int = _P
 def straight_guide_error(samples: Samples, allowed: float | None = None) -> float | None:
     """Measure how well a straight guide makes a motion without a linkage.
 
-    ``samples``: the motion; incomplete samples are left out. ``allowed``: largest distance of a position from the line.
-    Default: `WITHIN` of the extent.
+    Parameters
+    ----------
+    samples : Samples
+        The motion; incomplete samples are left out.
+    allowed : float, optional
+        Largest distance of a position from the line. Default: `WITHIN` of the extent.
 
     Returns
     -------

@@ -144,9 +144,16 @@ def assess(
 ) -> list[Solution]:
     """Build the solutions of linkages: turn each body by the best offset, and recompute its errors from its own numbers.
 
-    ``linkages``: mounted if the motion has positions; each closes at every sample. ``travel`` (n, N): travel of each drive from
-    its start at all samples of the request; default: the crank angles of a `Target`. The linkage of a solution starts at the
-    first sample. ``rows``: rows of the atlas that the linkages are.
+    Parameters
+    ----------
+    samples : Poses or Target
+    linkages : sequence of Linkage
+        Mounted if the motion has positions; each closes at every sample.
+    travel : array_like, shape (n, N) or (N,), optional
+        Travel of each drive from its start at all samples of the request; default: the crank angles of a `Target`.
+        The linkage of a solution starts at the first sample.
+    rows : sequence of int, optional
+        Rows of the atlas that the linkages are.
     """
     if not linkages:
         return []

@@ -54,8 +54,12 @@ class Interval(NamedTuple):
 class Mean:
     """The mean over the samples of a motion, weighted if the request has weights.
 
-    ``samples``: number of samples N. ``weights`` (N,): weights of at least 0, not all 0; a sample of weight 0 is missing.
-    Without them all samples have equal weight.
+    Parameters
+    ----------
+    samples : int
+        Number of samples N.
+    weights : ndarray, shape (N,), optional
+        Weights of at least 0, not all 0; a sample of weight 0 is missing. Without them all samples have equal weight.
     """
 
     def __init__(self, samples: int, weights: Floats | None = None) -> None:
@@ -387,9 +391,14 @@ def read_samples(
 ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Check the samples of a request.
 
-    ``rotation``, ``position``, ``length_scale``, ``rotation_weights``, ``position_weights``: values of the request, see
-    `make_target`. ``min_samples``: smallest number of samples. ``**further_columns`` (N,): further columns with a value for
-    each sample.
+    Parameters
+    ----------
+    rotation, position, length_scale, rotation_weights, position_weights
+        Values of the request, see `make_target`.
+    min_samples : int, optional
+        Smallest number of samples.
+    **further_columns : ndarray, shape (N,), optional
+        Further columns with a value for each sample.
 
     Returns
     -------
@@ -398,7 +407,10 @@ def read_samples(
     columns : dict
         All given columns, by name, including the further columns.
 
-    Raise `FieldError` if a value is missing or not allowed; the error names the field and the sample.
+    Raises
+    ------
+    FieldError
+        A value is missing or not allowed; the error names the field and the sample.
     """
     optional_columns = {"rotation": rotation, "position": position, **further_columns}
     if position is not None:

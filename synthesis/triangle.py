@@ -15,9 +15,17 @@ def angle_at(adjacent: Floats | float, opposite: Floats | float, r: Floats) -> F
     Half of the angle is computed from its sine and cosine, in which differences are taken before sums.
     Neither loses digits near a dead-centre position.
 
-    ``adjacent``, ``r``: sides that enclose the angle. ``opposite``: side opposite the angle.
+    Parameters
+    ----------
+    adjacent, r : ndarray or float
+        Sides that enclose the angle.
+    opposite : ndarray or float
+        Side opposite the angle.
 
-    Return the angle, 0 to pi.
+    Returns
+    -------
+    ndarray
+        The angle, 0 to pi.
     """
     sine_square = np.maximum((opposite - (adjacent - r)) * (opposite + (adjacent - r)), 0.0)
     cosine_square = np.maximum((adjacent + r - opposite) * (adjacent + r + opposite), 0.0)
@@ -45,9 +53,16 @@ class Triangle(NamedTuple):
 
         If the arm varies instead of the distance, exchange ``beyond`` and ``less_arm``.
 
-        ``varying``, ``still``: the side that varies, and the constant side. ``radius``: the third side. ``shorter``: square of
-        (still + radius) less the square of the varying side. ``longer``: square of the varying side less the square of (still -
-        radius).
+        Parameters
+        ----------
+        varying, still : ndarray
+            The side that varies, and the constant side.
+        radius : float
+            The third side.
+        shorter : ndarray
+            Square of (still + radius) less the square of the varying side.
+        longer : ndarray
+            Square of the varying side less the square of (still - radius).
         """
         total = varying + still + radius
         outer, inner = varying + radius - still, varying + still - radius

@@ -16,9 +16,17 @@ QUANTITIES = ("length", "arm", "force", "twist", "moment", "torque", "hand_force
 
 
 def curves_csv(items: Sequence[Drive | AnySpring]) -> str:
-    """Write the curves of all drives and springs as CSV with a row for each position.
+    """Write the curves of all drives and springs as a table with a row for each position.
 
-    The columns are ``number``, ``kind``, ``crank_angle`` (or travel), and a column for each quantity.
+    Parameters
+    ----------
+    items : sequence
+        Drives and springs.
+
+    Returns
+    -------
+    str
+        CSV with the columns ``number``, ``kind``, ``crank_angle`` (or travel), and a column for each quantity.
     """
     columns: dict[str, list[object]] = {name: [] for name in ("number", "kind", "crank_angle", *QUANTITIES)}
     for number, item in enumerate(items, 1):
@@ -33,9 +41,19 @@ def curves_csv(items: Sequence[Drive | AnySpring]) -> str:
 
 
 def curves_svg(items: Sequence[Drive | AnySpring], required: TorqueCurve | None = None) -> str:
-    """Draw the curves of all drives and springs as SVG over the travel from the first sample, with a panel for each quantity.
+    """Draw the curves of all drives and springs, with a panel for each quantity.
 
-    ``required``: torque that the load requires at the crank, which is drawn too.
+    Parameters
+    ----------
+    items : sequence
+        Drives and springs.
+    required : TorqueCurve, optional
+        Torque that the load requires at the crank, which is drawn too.
+
+    Returns
+    -------
+    str
+        SVG with the travel from the first sample along the horizontal axis.
     """
     panels: dict[str, dict[str, tuple[Floats, Floats]]] = {}
     for number, item in enumerate(items, 1):

@@ -176,10 +176,18 @@ class DriveQuestion(NamedTuple):
 
 
 class Reader:
-    """Checks of a request for a linkage over its motion.
+    """Checks of a request for a linkage.
 
-    The user's units have ``radian`` radians and ``millimetres`` millimetres. ``is_example``: the linkage is only an example, so
-    that lengths need not be in proportion to it.
+    Parameters
+    ----------
+    machine : LinkMotions
+        The linkage over its motion.
+    radian : float
+        Radians in the user's unit of angle.
+    millimetres : float
+        Millimetres in the user's unit of length.
+    is_example : bool
+        The linkage is only an example, so that lengths need not be in proportion to it.
     """
 
     def __init__(

@@ -23,7 +23,13 @@ Value = TypeVar("Value")
 class DriveTask:
     """A linkage over its motion with its load, in model units, and what the searches found: drives, springs and refusals.
 
-    ``max_results``: largest number of drives of each kind.
+    Parameters
+    ----------
+    operation : Operation
+    question : DriveQuestion
+    max_results : int
+        Largest number of drives of each kind.
+    work : Work
     """
 
     def __init__(self, operation: Operation, question: DriveQuestion, max_results: int, work: Work) -> None:

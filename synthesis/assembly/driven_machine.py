@@ -64,10 +64,19 @@ def motor_driven(
     The drive's travel is the motor's angle. Further plates are motor_crank and rod; further pins are the motor's shaft M, K
     between both, and Q on the link.
 
-    ``used``: travel of the linkage's own drive. ``sizes``, ``body``, ``bar``: see `as_plates`.
+    Parameters
+    ----------
+    linkage : Linkage
+    used : Interval
+        Travel of the linkage's own drive.
+    motor : Motor
+    sizes, body, bar
+        See `as_plates`.
 
-    Raise `FieldError` if the motor does not move the linkage over the interval, or if the rod acts on a link that is not a
-    plate.
+    Raises
+    ------
+    FieldError
+        If the motor does not move the linkage over the interval, or if the rod acts on a link that is not a plate.
     """
     six = SixBar.of(linkage, used, motor)
     lengths = (*as_plates(linkage, used, sizes).lengths, motor.crank, motor.rod)
@@ -119,9 +128,19 @@ def strut_driven(
     Further plates are cylinder and piston_rod, which slides inside it. Further pins are G, the end on the ground or on a link,
     and Q on the link that is moved. The plate of that link reaches to Q.
 
-    ``used``: travel of the linkage's drive. ``sizes``, ``body``, ``bar``: see `as_plates`.
+    Parameters
+    ----------
+    linkage : Linkage
+    used : Interval
+        Travel of the linkage's drive.
+    drive : Strut
+    sizes, body, bar
+        See `as_plates`.
 
-    Raise `FieldError` if an end lies on a link that is not a plate.
+    Raises
+    ------
+    FieldError
+        If an end lies on a link that is not a plate.
     """
     plain = as_plates(linkage, used, sizes, body, bar)
     place = _Placed(plain, drive.link, drive.on, drive.pin, drive.end)

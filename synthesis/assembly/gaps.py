@@ -115,7 +115,14 @@ class Gaps:
     If a proof states that a pair is free, its gap is not negative at any crank angle of the interval. Pairs on the same body are
     evaluated once.
 
-    ``size``: length that characterizes the mechanism, to which tolerances are relative.
+    Parameters
+    ----------
+    movement : Movement
+    pairs : sequence of pairs of CarriedShape
+    clearance : float
+    size : float
+        Length that characterizes the mechanism, to which tolerances are relative.
+    options : GapOptions, optional
     """
 
     def __init__(

@@ -20,8 +20,14 @@ ROUGH = GapOptions(resolution=1e-5, collision=1e-2, root_steps=12)
 def outside(machine: Machine, envelope: Box | None, keep_out: Sequence[Box], work: Work) -> list[Collision]:
     """Return the ranges in which plates leave the envelope or enter a box, up to 1e-5 of the machine's size.
 
-    ``envelope``: box in the user's plane that all plates must stay in. ``keep_out``: boxes that no plate may enter; their names
-    are keep_out 1, keep_out 2, ...
+    Parameters
+    ----------
+    machine : Machine
+    envelope : Box or None
+        Box in the user's plane that all plates must stay in.
+    keep_out : sequence of Box
+        Boxes that no plate may enter; their names are keep_out 1, keep_out 2, ...
+    work : Work
     """
     if envelope is None and not keep_out:
         return []

@@ -42,11 +42,22 @@ def as_plates(
     slit in the coupler for the fixed pin A or B. Slits are as long as the interval requires. The frame of the coupler begins at
     the body point of the first guide; that of a four-bar lies along its coupler.
 
-    ``used``: travel of the drive. ``body``: corners, counter-clockwise, of a plate that the coupler carries, from P in axes
-    that turn with the coupler and are parallel to the user's where the body's rotation is 0. A post joins it, at P if there is
-    room. ``bar``: add a plate for the ground.
+    Parameters
+    ----------
+    linkage : Linkage
+    used : Interval
+        Travel of the drive.
+    sizes : Sizes
+    body : sequence of complex
+        Corners, counter-clockwise, of a plate that the coupler carries, from P in axes that turn with the coupler and are
+        parallel to the user's where the body's rotation is 0. A post joins it, at P if there is room.
+    bar : bool
+        Add a plate for the ground.
 
-    Raise `FieldError` if the loop does not close over the interval, or if the body has no room for its post.
+    Raises
+    ------
+    FieldError
+        If the loop does not close over the interval, or if the body has no room for its post.
     """
     used = Interval(min(used), max(used))
     guided = linkage.by_coupler
@@ -155,7 +166,10 @@ def loop_of(linkage: Linkage, used: Interval) -> Interval | None:
 
     The end is infinite if a slide drives the loop and it still closes at `_EXTENSION` times the used interval.
 
-    Raise `FieldError` if the loop does not close over the whole used interval.
+    Raises
+    ------
+    FieldError
+        If the loop does not close over the whole used interval.
     """
     first, last = used
     turns = linkage.driver.turns

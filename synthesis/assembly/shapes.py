@@ -174,10 +174,14 @@ def _foot(first: complex, last: complex, point: complex) -> complex:
 def distances(first: Complexes, second: Complexes) -> Floats:
     """Return the distances of cores, row by row: 0 if their lines cross or one core contains the other.
 
-    ``first``, ``second`` (m, j) and (m, k): corners; two corners are a line, which may have length zero, and more are a simple
-    polygon.
+    Parameters
+    ----------
+    first, second : ndarray of complex, shape (m, j) and (m, k)
+        Corners; two corners are a line, which may have length zero, and more are a simple polygon.
 
-    The result has shape (m,).
+    Returns
+    -------
+    ndarray, shape (m,)
     """
     best = np.minimum(_to_sides(first, second), _to_sides(second, first))
     meet = _cross_somewhere(first, second)

@@ -20,8 +20,13 @@ def plate_sizes(
 ) -> tuple[float, float]:
     """Return the diameter of the holes and the width of the plates of some links.
 
-    ``links``: lengths of the links; the defaults depend on the shortest and the longest. ``factor``: factor of the default
-    diameter, below 1 if that leaves no room for other parts.
+    Parameters
+    ----------
+    links : sequence of float
+        Lengths of the links; the defaults depend on the shortest and the longest.
+    hole, width : float, optional
+    factor : float
+        Factor of the default diameter, below 1 if that leaves no room for other parts.
     """
     if hole is None:
         largest = np.inf if width is None else width / WIDTH_OF_HOLE

@@ -34,7 +34,10 @@ def features(curve: ArrayLike) -> tuple[Floats, Floats]:
     Law: with r the block roots, ``sum((r * details)**2) = sum((curve - average)**2)``. A constant added to the curve leaves the
     details unchanged.
 
-    ``curve`` (..., 2^j): samples in any unit.
+    Parameters
+    ----------
+    curve : array_like, shape (..., 2^j)
+        Samples in any unit.
 
     Returns
     -------
@@ -57,9 +60,14 @@ def features(curve: ArrayLike) -> tuple[Floats, Floats]:
 def curve_from_features(average: ArrayLike, details: ArrayLike) -> Floats:
     """Return curves from their average and details: the inverse of `features`.
 
-    ``average`` (...). ``details`` (..., 2^j - 1).
+    Parameters
+    ----------
+    average : array_like, shape (...)
+    details : array_like, shape (..., 2^j - 1)
 
-    The result has shape (..., 2^j).
+    Returns
+    -------
+    ndarray, shape (..., 2^j)
 
     Examples
     --------
@@ -82,7 +90,11 @@ def curve_from_features(average: ArrayLike, details: ArrayLike) -> Floats:
 def resample(crank_angle: ArrayLike, curve: ArrayLike) -> tuple[Floats, Floats]:
     """Return a curve at evenly spaced crank angles, whose number is the next power of two.
 
-    ``crank_angle`` (N,): strictly monotonic, N >= 3. ``curve`` (..., N).
+    Parameters
+    ----------
+    crank_angle : array_like, shape (N,)
+        Strictly monotonic, N >= 3.
+    curve : array_like, shape (..., N)
 
     Returns
     -------

@@ -62,7 +62,12 @@ class _Siblings(NamedTuple):
 class Scan:
     """Types of four-bars, ready to be matched; read-only.
 
-    ``lengths`` (types, 4): types whose crank turns fully. ``tree``: default: computed from the lengths.
+    Parameters
+    ----------
+    lengths : array_like, shape (types, 4)
+        Types whose crank turns fully.
+    tree : Tree, optional
+        Default: computed from the lengths.
     """
 
     starts = STARTS

@@ -27,9 +27,14 @@ def expand(
 ):
     """Return the children that may have windows with an error of at most the limit.
 
-    ``series``, ``errors``, ``slopes``, ``bends``: a level of the tree, eight siblings side by side; without pieces at the
-    lowest level. ``rows``, ``target``, ``weights``, ``first_piece``, ``spread``, ``rounding``: see `request.RotationRequest`.
-    ``blocks``, ``windows``: blocks of eight children, and the window in which each is compared.
+    Parameters
+    ----------
+    series, errors, slopes, bends : (blocks, columns or 2 or pieces, 8)
+        A level of the tree, eight siblings side by side; without pieces at the lowest level.
+    rows, target, weights, first_piece, spread, rounding
+        See `request.RotationRequest`.
+    blocks, windows : (n,)
+        Whose eight children are looked at in which window.
 
     Returns
     -------

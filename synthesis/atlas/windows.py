@@ -104,9 +104,20 @@ class BestWindows:
 
     ``windows``: at most ``top``, in order. ``last``: place of the last of them; `NOWHERE` if there are fewer than ``top``.
 
-    ``top``: number of windows wanted. ``exact(windows) -> error``; infinite for windows that are no answer. ``at_once``:
-    largest number of windows evaluated together. ``expired``: whether the time is up; called between evaluations. ``enough``:
-    once ``top`` windows have an error of at most this, the search ends. ``max_windows``: largest number of windows evaluated.
+    Parameters
+    ----------
+    top : int
+        Number of windows wanted.
+    exact : callable
+        ``exact(windows) -> error``; infinite for windows that are no answer.
+    at_once : int
+        Largest number of windows evaluated together.
+    expired : callable
+        Whether the time is up; called between evaluations.
+    enough : float
+        Once ``top`` windows have an error of at most this, the search ends.
+    max_windows : float
+        Largest number of windows evaluated.
     """
 
     def __init__(

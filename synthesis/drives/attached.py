@@ -109,7 +109,13 @@ class Attached:
     def draw(self, space: Any, xy: Callable[[complex], tuple[float, float]], size: float) -> None:
         """Draw the drive on the layer `LAYER` of a drawing for CAD.
 
-        ``xy``: return the drawing's coordinates of a point. ``size``: size of the drawing, in its unit.
+        Parameters
+        ----------
+        space : modelspace of ezdxf
+        xy : callable
+            Return the drawing's coordinates of a point.
+        size : float
+            Size of the drawing, in its unit.
         """
         at = {"layer": LAYER}
         pivots, pins, lines = self.lines()

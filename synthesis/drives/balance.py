@@ -92,8 +92,15 @@ def springs_on_pendulums(
 
     The coefficients of the potential follow from the torque by least squares; if the pendulums carry all of it, nothing remains.
 
-    ``linkage``: None for a link on a hinge. ``torque`` (n,): torque that the drive must give. ``stiffness``: stiffness of all
-    springs.
+    Parameters
+    ----------
+    linkage : Linkage or None
+        None for a link on a hinge.
+    machine : LinkMotions
+    torque : ndarray, shape (n,)
+        Torque that the drive must give.
+    stiffness : float, optional
+        Stiffness of all springs.
     """
     if not np.all(np.isfinite(torque)):
         return None

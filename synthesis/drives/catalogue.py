@@ -56,7 +56,15 @@ def choose_rows(
     whose force is below the lower bound of all placements is not searched for, and more expensive rows are not evaluated once
     enough are found.
 
-    ``max_results``: largest number of fitting rows. ``max_descents``: number of descents for a row.
+    Parameters
+    ----------
+    search : PlacementSearch
+    rows : list of CatalogueRow
+    max_results : int
+        Largest number of fitting rows.
+    work : Work, optional
+    max_descents : int
+        Number of descents for a row.
 
     Returns
     -------

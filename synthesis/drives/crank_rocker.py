@@ -62,8 +62,14 @@ class Proportions(NamedTuple):
 def proportions(swing: float, time_ratio: float = 1.0, rod: float = OPTIONS.rod) -> Proportions | None:
     """Return the crank-rocker with the largest minimum transmission angle for a swing; None if there is none.
 
-    ``swing``: angle of the rocker's swing, in radians, below pi. ``time_ratio``: ratio of the slower and the faster stroke, at
-    least 1. ``rod``: length of the rod divided by the pin's radius, for equal times only.
+    Parameters
+    ----------
+    swing : float
+        Angle of the rocker's swing, in radians, below pi.
+    time_ratio : float
+        Ratio of the slower and the faster stroke, at least 1.
+    rod : float, optional
+        Length of the rod divided by the pin's radius, for equal times only.
     """
     from scipy.optimize import minimize_scalar
 
@@ -130,9 +136,21 @@ def place_motor_about_pivot(
     The transmission angle depends neither on the pin's radius nor on its direction from the pivot; these are chosen so that the
     motor lies in its box. By default the pin lies on the link's line.
 
-    ``link``: motion of the link at n positions. ``torque`` (n,): torque that the linkage's drive must give. ``time_ratio``:
-    ratio of forward and return stroke or its reciprocal; None for equal times. ``radius``: distance of the pin from the pivot,
-    or the first one that is tried. ``box``: region of the motor. ``reach``: largest distance of the pin from the pivot.
+    Parameters
+    ----------
+    link : LinkMotion
+        Motion of the link at n positions.
+    torque : ndarray, shape (n,)
+        Torque that the linkage's drive must give.
+    time_ratio : float or None
+        Ratio of forward and return stroke or its reciprocal; None for equal times.
+    radius : float
+        Distance of the pin from the pivot, or the first one that is tried.
+    radius_is_fixed : bool
+    box : Box or None
+        Region of the motor.
+    reach : float
+        Largest distance of the pin from the pivot.
     """
     assert link.pivot is not None
     pivot = link.pivot

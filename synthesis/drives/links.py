@@ -116,7 +116,12 @@ def largest(function: Callable[[Floats], Floats], at: Floats) -> float:
 
     The maximum is correct up to rounding if the positions are so dense that no two peaks lie between neighbours.
 
-    ``function``: return the values (m,) at positions (m,). ``at`` (n,): positions.
+    Parameters
+    ----------
+    function : callable
+        Return the values (m,) at positions (m,).
+    at : ndarray, shape (n,)
+        Positions.
     """
     values = np.nan_to_num(function(at), nan=-np.inf)
     before, after = np.append(-np.inf, values[:-1]), np.append(values[1:], -np.inf)
@@ -142,7 +147,11 @@ def motions_at(linkage: Linkage, at: Floats) -> LinkMotions:
     on two guides see `Linkage.motions`; there the coupler's frame is the body's frame, and a link on a circle and the block
     of a slot turn about fixed pivots.
 
-    ``at`` (n,): coordinates of the drive, counted from the first sample.
+    Parameters
+    ----------
+    linkage : Linkage
+    at : ndarray, shape (n,)
+        Coordinates of the drive, counted from the first sample.
     """
     first, body, second = linkage.motions(at)
     pin = linkage.on_body(0j)
@@ -176,8 +185,16 @@ def _extent(linkage: Linkage, links: Iterable[LinkMotion]) -> float:
 def hinged_at(pivot: complex, start: float, length: float, at: Floats) -> LinkMotions:
     """Return the motion of a single hinged link that is the body, for example a flap, a wiper or a boom.
 
-    ``pivot``: position of the hinge. ``start``: direction of the link at angle 0, in radians. ``length``: distance of the body
-    point from the hinge. ``at`` (n,): angles by which the link is turned, in radians.
+    Parameters
+    ----------
+    pivot : complex
+        Position of the hinge.
+    start : float
+        Direction of the link at angle 0, in radians.
+    length : float
+        Distance of the body point from the hinge.
+    at : ndarray, shape (n,)
+        Angles by which the link is turned, in radians.
     """
     ones, zeros, tip = np.ones(at.size), np.zeros(at.size, dtype=complex), complex(length)
     rocker = LinkMotion("rocker", pivot + zeros, start + at, zeros, ones, zeros, 0 * ones, pivot)

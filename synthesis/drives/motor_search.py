@@ -66,9 +66,19 @@ def place_motor(
 ) -> MotorCycle | str:
     """Return the motor and rod with the largest minimum transmission angle, or a sentence with the reason if none is found.
 
-    ``link``: motion of the link that carries the pin, at n positions. ``at``, ``torque`` (n,): drive parameter, and torque that
-    the linkage's drive must give. ``time_ratio``: required ratio of the strokes; None for any. ``reach``: largest distance of
-    the pin from the origin of its link's frame. ``box``: region of the motor.
+    Parameters
+    ----------
+    link : LinkMotion
+        Motion of the link that carries the pin, at n positions.
+    at, torque : ndarray, shape (n,)
+        Drive parameter, and torque that the linkage's drive must give.
+    time_ratio : float or None
+        Required ratio of the strokes; None for any.
+    reach : float
+        Largest distance of the pin from the origin of its link's frame.
+    box : Box
+        Region of the motor.
+    work : Work, optional
     """
     angle = None if time_ratio is None else return_angle(time_ratio)
     task = _Task(link, at, box, reach, angle)

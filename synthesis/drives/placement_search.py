@@ -246,7 +246,13 @@ class PlacementSearch:
 
         If none satisfies the limits, the grid is refined around the best placements.
 
-        ``max_results``: largest number of placements; by default `PlacementOptions.max_descents`.
+        Parameters
+        ----------
+        actuators : list of Actuator
+        max_results : int, optional
+            Largest number of placements; by default `PlacementOptions.max_descents`.
+        work : Work, optional
+            Once it has expired, only the first actuator is evaluated.
         """
         box = self.limits.pin_box or self.limits.box
         points, selected, refusals = grid_of(box, self.grid_size), [], []
@@ -365,8 +371,15 @@ class PlacementSearch:
 def separate(value: Floats, points: Complexes, distance: float, max_results: int) -> Ints:
     """Return the indices of the largest values in different basins, not neighbours in the same basin, the best first.
 
-    ``value`` (m,): -inf for candidates that are no choice. ``points`` (m, k): points of each candidate. ``distance``: smallest
-    sum of the distances of the points of two candidates.
+    Parameters
+    ----------
+    value : ndarray, shape (m,)
+        -inf for candidates that are no choice.
+    points : ndarray of complex, shape (m, k)
+        Points of each candidate.
+    distance : float
+        Smallest sum of the distances of the points of two candidates.
+    max_results : int
     """
     found: list[int] = []
     value = value.copy()

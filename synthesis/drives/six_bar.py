@@ -82,9 +82,18 @@ class SixBar:
     def of(cls, linkage: Linkage, used: Interval, motor: Motor) -> SixBar:
         """Return the six-bar of a linkage.
 
-        ``linkage``: a four-bar or a body on guides. ``used``: coordinates of the linkage's drive at the ends of the motion.
+        Parameters
+        ----------
+        linkage : Linkage
+            A four-bar or a body on guides.
+        used : Interval
+            Coordinates of the linkage's drive at the ends of the motion.
+        motor : Motor
 
-        Raise `FieldError` if the motor does not swing the linkage from one end of the interval to the other.
+        Raises
+        ------
+        FieldError
+            If the motor does not swing the linkage from one end of the interval to the other.
         """
         found = cls(lambda at: motions_at(linkage, at), used, motor)
         found.check()
@@ -240,7 +249,10 @@ class SixBar:
         slide of a rail and the pin of a slot's block are A or B too; the slide of a slot in the body is D or C. A link on a
         hinge has only B.
 
-        ``linkage``: None for a link on a hinge.
+        Parameters
+        ----------
+        linkage : Linkage or None
+            None for a link on a hinge.
         """
         turned, motor = self.forwards(np.zeros(1)), self.motor
         links = self.machine(turned).links

@@ -70,8 +70,17 @@ class _Start(NamedTuple):
 class SpringSearch:
     """Search for springs between links of a machine.
 
-    ``rows``: the catalogue. ``behaviour``: limits on the torque that remains; placements that satisfy them come before all
-    others.
+    Parameters
+    ----------
+    machine : LinkMotions
+    rows : list of SpringRow
+        The catalogue.
+    room : SpringRegion
+    behaviour : Behaviour, optional
+        Limits on the torque that remains; placements that satisfy them come before all others.
+    work : Work, optional
+        The search returns the best known placement once its time is up.
+    options : SpringSearchOptions
     """
 
     machine: LinkMotions
@@ -84,10 +93,19 @@ class SpringSearch:
     def best(self, torque: Floats, betweens: Sequence[Between], keeps_behaviour: bool = True) -> Spring | str:
         """Find the spring of the catalogue, the pair of links and its ends that leave the smallest rms torque.
 
-        ``torque`` (n,): torque that the drive gives without the spring. ``betweens``: pairs of links to try.
-        ``keeps_behaviour``: apply the limits of the behaviour.
+        Parameters
+        ----------
+        torque : ndarray, shape (n,)
+            Torque that the drive gives without the spring.
+        betweens : sequence of pairs of str
+            Pairs of links to try.
+        keeps_behaviour : bool
+            Apply the limits of the behaviour.
 
-        Return the spring, or a sentence with the reason why no row fits.
+        Returns
+        -------
+        Spring or str
+            The spring, or a sentence with the reason why no row fits.
         """
         behaviour = self.behaviour if keeps_behaviour else None
         starts: list[_Start] = []

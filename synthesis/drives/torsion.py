@@ -49,10 +49,21 @@ def best_torsion_spring(
 ) -> TorsionSpring | str:
     """Find the joint, the row, the direction and the mounting twist that leave the smallest rms torque.
 
-    ``torque`` (n,): torque that the drive gives without the spring. ``between``: links with a common joint; default: each joint
-    is tried. ``behaviour``: limits on the torque that remains; springs that satisfy them come before all others.
+    Parameters
+    ----------
+    machine : LinkMotions
+    torque : ndarray, shape (n,)
+        Torque that the drive gives without the spring.
+    between : pair of str, optional
+        Links with a common joint; default: each joint is tried.
+    rows : list of TorsionRow
+    behaviour : Behaviour, optional
+        Limits on the torque that remains; springs that satisfy them come before all others.
 
-    Return the spring, or a sentence with the reason why no row fits.
+    Returns
+    -------
+    TorsionSpring or str
+        The spring, or a sentence with the reason why no row fits.
     """
     pairs = [pair for pair in ([between] if between else pairs_of(machine)) if joint_of(machine, pair) is not None]
     if not pairs:

@@ -46,10 +46,18 @@ def nice_ticks(low: float, high: float, count: int) -> Floats:
 def chart_svg(panels: Mapping[str, Mapping[str, tuple[Floats, Floats]]], x_label: str) -> str:
     """Draw panels with curves, one below the other.
 
-    ``panels``: by the label of the vertical axis: x and y, (n,) each, of each curve by its name. A curve is interrupted at
-    values that are not finite. ``x_label``: label of the common horizontal axis.
+    Parameters
+    ----------
+    panels : mapping
+        By the label of the vertical axis: x and y, (n,) each, of each curve by its name. A curve is interrupted at values that
+        are not finite.
+    x_label : str
+        Label of the common horizontal axis.
 
-    Return the text of the SVG file.
+    Returns
+    -------
+    str
+        The text of the SVG file.
     """
     names = sorted({name for curves in panels.values() for name in curves})
     colour = {name: COLOURS[index % len(COLOURS)] for index, name in enumerate(names)}

@@ -37,10 +37,21 @@ _DXF_COLOURS = {"GROUND": 8, "LINKS": 7, "BODY": 5, "PATH": 1}
 def to_svg(linkage: Linkage, target: Target, extra: Extra | None = None, length_unit: str | None = None) -> str:
     """Draw a linkage at the first sample, y up, with names of joints and lengths of links.
 
-    ``target``: the motion, with the travel of the drive at the samples. ``extra``: additional elements, for example a drive.
-    ``length_unit``: unit of lengths, if it is known.
+    Parameters
+    ----------
+    linkage : Linkage
+        The linkage.
+    target : Target
+        The motion, with the travel of the drive at the samples.
+    extra : Extra, optional
+        Additional elements, for example a drive.
+    length_unit : str, optional
+        Unit of lengths, if it is known.
 
-    Raise `FieldError` for a linkage that does not close over the used interval.
+    Raises
+    ------
+    FieldError
+        For a linkage that does not close over the used interval.
     """
     layout = layout_of(linkage, target.interval)
     marks, turn = requested_positions(target), turn_path(linkage)
@@ -105,10 +116,21 @@ def to_dxf(linkage: Linkage, target: Target, unit_mm: float = 1.0, more: More | 
     Law: bars end at their pins, a slider's middle lies on its rail and a slot's line through its pin, to 1e-6 mm; the drawing
     passes ezdxf's audit.
 
-    ``target``: the motion, with the travel of the drive at the samples. ``unit_mm``: millimetres in the unit of lengths.
-    ``more``: additional elements on a layer of their own.
+    Parameters
+    ----------
+    linkage : Linkage
+        The linkage.
+    target : Target
+        The motion, with the travel of the drive at the samples.
+    unit_mm : float, optional
+        Millimetres in the unit of lengths.
+    more : More, optional
+        Additional elements on a layer of their own.
 
-    Raise `FieldError` for a linkage that does not close over the used interval, or whose coordinates the file cannot hold.
+    Raises
+    ------
+    FieldError
+        For a linkage that does not close over the used interval, or whose coordinates the file cannot hold.
     """
     layout = layout_of(linkage, target.interval)
     layout.check_size(unit_mm)

@@ -137,7 +137,10 @@ class Layout:
 def layout_of(linkage: Linkage, interval: Interval) -> Layout:
     """Return the layout of a linkage over an interval of travel from its first sample.
 
-    Raise `FieldError` for a linkage that is too far from the origin, or that does not close at a position of the interval.
+    Raises
+    ------
+    FieldError
+        For a linkage that is too far from the origin, or that does not close at a position of the interval.
     """
     links = closed_motions(linkage, interval)
     first, second = (

@@ -41,11 +41,22 @@ def to_mjcf(linkage: Linkage, target: Target, unit_mm: float = 1.0, masses: Mapp
     second; the keyframe ``start`` sets it to move the requested way. The plane is x-y, without gravity. Sites: ``body_point``,
     and ``loop_coupler`` and ``loop_`` with the name of the other link, whose distance is the residual of the loop.
 
-    ``target``: the motion, with the travel of the drive at the samples. ``unit_mm``: millimetres in the unit of lengths.
-    ``masses``: mass of each link that is a part, in kilograms and the unit of lengths; sliders and blocks weigh next to
-    nothing. Without masses bars are slender rods.
+    Parameters
+    ----------
+    linkage : Linkage
+        The linkage.
+    target : Target
+        The motion, with the travel of the drive at the samples.
+    unit_mm : float, optional
+        Millimetres in the unit of lengths.
+    masses : mapping, optional
+        Mass of each link that is a part, in kilograms and the unit of lengths; sliders and blocks weigh next to nothing.
+        Without masses bars are slender rods.
 
-    Raise `FieldError` for a linkage that does not close over the used interval, or whose coordinates the file cannot hold.
+    Raises
+    ------
+    FieldError
+        For a linkage that does not close over the used interval, or whose coordinates the file cannot hold.
     """
     layout = layout_of(linkage, target.interval)
     layout.check_size(unit_mm)

@@ -17,12 +17,26 @@ from synthesis.target import TURN, Target
 def to_csv(linkage: Linkage, target: Target, unit: float, more: Mapping[str, Iterable[Any]] | None = None) -> str:
     """Write the motion at the samples: the request, the motion of the linkage, and the position of its joints.
 
-    ``target``: the motion, with the travel of the drive at the samples. ``unit``: radians in one unit of angle. ``more``:
-    further columns, with a value for each sample.
+    Parameters
+    ----------
+    linkage : Linkage
+        The linkage.
+    target : Target
+        The motion, with the travel of the drive at the samples.
+    unit : float
+        Radians in one unit of angle.
+    more : mapping, optional
+        Further columns, with a value for each sample.
 
-    Return the table; a cell is empty if its number was not requested.
+    Returns
+    -------
+    str
+        The table; a cell is empty if its number was not requested.
 
-    Raise `FieldError` for a linkage that does not close over the used interval.
+    Raises
+    ------
+    FieldError
+        For a linkage that does not close over the used interval.
     """
     closed_motions(linkage, target.interval)
     links, poses = linkage.motions(target.crank), linkage.body(linkage.start + target.crank)

@@ -210,8 +210,13 @@ def bounded_types(family: str) -> Floats:
 def mounted(target: Target, lengths: ArrayLike, branch: ArrayLike, start: ArrayLike) -> list[Linkage]:
     """Return candidates as linkages in their best pose and with actual lengths; without positions with a ground of 1.
 
-    ``lengths`` (n, 4): in any scale; each closes at every sample. ``branch``, ``start`` (n,): branches, and crank angles theta1
-    at the first sample in radians.
+    Parameters
+    ----------
+    target : Target
+    lengths : array_like, shape (n, 4)
+        In any scale; each closes at every sample.
+    branch, start : array_like, shape (n,)
+        Branches, and crank angles theta1 at the first sample in radians.
     """
     links, side, begin = np.asarray(lengths, dtype=float), np.asarray(branch, dtype=float), np.asarray(start) % TURN
     if not begin.size:

@@ -69,7 +69,10 @@ OPTIONS = CompactOptions()
 def within_size(limits: Limits, samples: Samples, extents: float) -> Limits:
     """Return limits within which no length is above a multiple of the motion's extent.
 
-    Raise `FieldError` if another limit excludes that.
+    Raises
+    ------
+    FieldError
+        If another limit excludes that.
     """
     assert samples.position is not None
     length, reach = extents * samples.extent, limits.pivot_reach
@@ -95,8 +98,18 @@ def compacted(
 ) -> list[Solution]:
     """Return further four-bars with a smaller merit.
 
-    ``poses``: with positions. ``found``: four-bars to begin with. ``best_first``: returns the accurate four-bars of some with
-    their merits, smallest first. ``tolerance``: objective below which a linkage is exact.
+    Parameters
+    ----------
+    poses : Poses
+        With positions.
+    limits : Limits
+    found : sequence of Solution
+        To begin with.
+    best_first : callable
+        Returns the accurate four-bars of some with their merits, smallest first.
+    tolerance : float
+        Objective below which a linkage is exact.
+    work : Work
 
     Returns
     -------

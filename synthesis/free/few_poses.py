@@ -115,7 +115,13 @@ class Candidates(NamedTuple):
 class ExactFamily:
     """The four-bars that pass two to four poses exactly within limits.
 
-    ``poses``: two to four samples, each with rotation and position.
+    Parameters
+    ----------
+    poses : Poses
+        Two to four samples, each with rotation and position.
+    limits : Limits
+    options : FewPosesOptions
+    obstacles : Obstacles, optional
     """
 
     def __init__(
@@ -324,8 +330,17 @@ def exact_four_bars(
 ) -> Candidates:
     """Search for good four-bars that pass two to four poses exactly.
 
-    ``poses``: two to four samples, each with rotation and position. ``limits``: no length may be given (``limits.links``):
-    four-bars of given lengths cannot be sampled. ``obstacles``: boxes that no link enters.
+    Parameters
+    ----------
+    poses : Poses
+        Two to four samples, each with rotation and position.
+    limits : Limits
+        No length may be given (``limits.links``): four-bars of given lengths cannot be sampled.
+    work : Work, optional
+        The search ends once it has expired.
+    options : FewPosesOptions, optional
+    obstacles : Obstacles, optional
+        That no link enters.
 
     Returns
     -------

@@ -72,7 +72,10 @@ Missing = Callable[[Floats, Floats, Floats], Floats]
 class PathScreen:
     """Types of four-bars whose crank turns fully, with their series, prepared once.
 
-    ``family``: family of `limits.FAMILIES`.
+    Parameters
+    ----------
+    family : str
+        Family of `limits.FAMILIES`.
     """
 
     def __init__(self, family: str) -> None:
@@ -134,8 +137,13 @@ class PathScreen:
         For each type, branch and guess only the best start counts, and for each guess the best few types and branches,
         since the errors of different guesses do not show which guess is right.
 
-        ``chart``: chart of the shapes of the candidates. ``missing``: violation of the limits on shape and crank angles by
-        windows, in radians.
+        Parameters
+        ----------
+        poses : Poses
+        chart : Chart
+            Chart of the shapes of the candidates.
+        missing : callable, optional
+            Violation of the limits on shape and crank angles by windows, in radians.
         """
         guesses = self.timing_of(poses)
         error = self.errors(poses, guesses)
@@ -204,7 +212,11 @@ def _within(crank: Floats, widest: float) -> Floats:
 def way_along(poses: Poses, power: float) -> Floats:
     """Return the strictly increasing relative distance (N,) of the samples along the path; a closed path ends at the first.
 
-    ``power``: exponent of the distance between neighbouring samples.
+    Parameters
+    ----------
+    poses : Poses
+    power : float
+        Exponent of the distance between neighbouring samples.
     """
     progress = np.cumsum(_steps(poses) ** power)
     return np.concatenate([[0.0], progress[: poses.samples - 1]]) / progress[-1]

@@ -107,8 +107,15 @@ class Candidates(NamedTuple):
 class ExactFamily:
     """The four-bars that meet two to five pairs exactly within limits.
 
-    ``target``: of two to five pairs, with a crank that turns counter-clockwise. ``limits``: lengths over the ground. ``sized``:
-    see `function_merit`.
+    Parameters
+    ----------
+    target : TargetFunction
+        Of two to five pairs, with a crank that turns counter-clockwise.
+    limits : Limits
+        Lengths over the ground.
+    sized : bool
+        See `function_merit`.
+    options : FewPairsOptions
     """
 
     def __init__(self, target: TargetFunction, limits: Limits, sized: bool, options: FewPairsOptions) -> None:
@@ -319,8 +326,16 @@ def is_few(target: TargetFunction, limits: Limits) -> bool:
 def exact_functions(target: TargetFunction, limits: Limits, sized: bool, work: Work) -> tuple[Floats, Floats, Floats]:
     """Search for good four-bars that meet two to five pairs exactly.
 
-    ``target``: see `is_few`; with a crank that turns counter-clockwise. ``limits``: lengths over the ground. ``sized``: see
-    `function_merit`.
+    Parameters
+    ----------
+    target : TargetFunction
+        See `is_few`; with a crank that turns counter-clockwise.
+    limits : Limits
+        Lengths over the ground.
+    sized : bool
+        See `function_merit`.
+    work : Work
+        The search ends once it has expired.
 
     Returns
     -------

@@ -56,7 +56,13 @@ class FunctionProblem:
     The unknowns are three numbers of the shape, the zero and the offset. Limits of lengths and prescribed lengths are the edges
     of a box; all other limits are conditions on the unknowns.
 
-    ``largest``: the largest error is minimized, otherwise squared errors.
+    Parameters
+    ----------
+    target : TargetFunction
+    law : FourBarLaw or TravelLaw
+    limits : FunctionLimits
+    largest : bool
+        The largest error is minimized, otherwise squared errors.
     """
 
     def __init__(self, target: TargetFunction, law: AnyLaw, limits: FunctionLimits, largest: bool) -> None:

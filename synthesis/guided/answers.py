@@ -42,8 +42,16 @@ def linkage_of(
 ) -> Solution | None:
     """Return a pair of guides as a linkage with its errors, or None if it does not pass the samples.
 
-    ``pair``: two guides (1,), the driven guide first. ``at`` (N, 3): rotation and position that the guides allow at the
-    samples, over the length scale. ``prescribed`` (N,): prescribed drive.
+    Parameters
+    ----------
+    pair : sequence of Guides
+        Two guides (1,), the driven guide first.
+    driver : Driver
+    poses : Poses
+    at : ndarray, shape (N, 3)
+        Rotation and position that the guides allow at the samples, over the length scale.
+    prescribed : ndarray, shape (N,), optional
+        Prescribed drive.
     """
     rotation: Floats = at[:, 0]
     scaled: Complexes = at[:, 1] + 1j * at[:, 2]

@@ -31,8 +31,19 @@ def refine_guided(
 ) -> tuple[list[Solution], SearchReport]:
     """Find the best linkage by descents from a given linkage.
 
-    ``poses``: motion with positions. ``linkage``: mounted, with at least one rail or slot. ``tolerance``: objective below which
-    a linkage is exact. ``drive`` (N,): given travel of the drive from the first sample, in radians or in the unit of length.
+    Parameters
+    ----------
+    poses : Poses
+        Motion with positions.
+    limits : Limits
+    linkage : Linkage
+        Mounted, with at least one rail or slot.
+    tolerance : float
+        Objective below which a linkage is exact.
+    work : Work
+        If it has expired, the best linkage found is returned.
+    drive : ndarray, shape (N,), optional
+        Given travel of the drive from the first sample, in radians or in the unit of length.
 
     Returns
     -------

@@ -284,8 +284,12 @@ class Descent:
     def evaluate_candidates(self, best_pose: bint, facing: bint):
         """Compute the costs of the candidates.
 
-        ``best_pose``: move each candidate to its best pose first, and keep that pose. ``facing``: begin with the offset of the
-        mean direction of the rotations.
+        Parameters
+        ----------
+        best_pose : bool
+            Move each candidate to its best pose first, and keep that pose.
+        facing : bool
+            Begin with the offset of the mean direction of the rotations.
         """
         for n in range(self.costs.shape[0]):
             self.load(0, n)
@@ -1131,8 +1135,14 @@ class Descent:
     def set_candidates(self, shapes, poses, offsets, angles, branches, penalty):
         """Set the candidates, whose arrays receive the results. Return the array of their costs.
 
-        ``shapes`` (n, k). ``poses`` (n, 6). ``offsets``, ``branches`` (n,). ``angles`` (n, N). ``penalty``: weight of squared
-        violations relative to J squared.
+        Parameters
+        ----------
+        shapes : ndarray, shape (n, k)
+        poses : ndarray, shape (n, 6)
+        offsets, branches : ndarray, shape (n,)
+        angles : ndarray, shape (n, N)
+        penalty : float
+            Weight of squared violations relative to J squared.
         """
         costs = np.empty(len(branches))
         self.shapes, self.poses, self.offsets, self.angles = shapes, poses.view(complex), offsets, angles

@@ -151,7 +151,11 @@ class Shape:
 def shapes(chart: cython.int, unknowns: double[:, ::1]):
     """Compute lengths and closure constants at points of a chart.
 
-    ``chart``: code of the chart. ``unknowns`` (n, k).
+    Parameters
+    ----------
+    chart : int
+        Code of the chart.
+    unknowns : ndarray, shape (n, k)
 
     Returns
     -------
@@ -190,7 +194,12 @@ def body_angles(
 
     The result has full relative accuracy if X0 and Y0 are exact and not negative.
 
-    ``lengths`` (n, 4). ``x0``, ``y0``, ``branch`` (n,). ``theta1`` (n, N).
+    Parameters
+    ----------
+    lengths : ndarray, shape (n, 4)
+    x0, y0, branch : ndarray, shape (n,)
+    theta1 : ndarray, shape (n, N)
+    derivatives : bool
 
     Returns
     -------

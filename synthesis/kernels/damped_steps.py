@@ -12,8 +12,14 @@ TINY = declare(double, 1e-300)  # keeps divisors away from zero
 def damped_steps(rows: double[:, :, :], damping: double[::1], step_max: double):
     """Compute steps with Marquardt's damping.
 
-    ``rows`` (n, m + 1, residuals): derivatives of the residuals with respect to the unknowns, then the residuals. ``damping``
-    (n,): damping relative to the squares of the derivatives. ``step_max``: largest change of an unknown.
+    Parameters
+    ----------
+    rows : ndarray, shape (n, m + 1, residuals)
+        Derivatives of the residuals with respect to the unknowns, then the residuals.
+    damping : ndarray, shape (n,)
+        Damping relative to the squares of the derivatives.
+    step_max : float
+        Largest change of an unknown.
 
     Returns
     -------

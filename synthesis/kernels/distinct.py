@@ -8,8 +8,17 @@ from cython.cimports.libc.math import fabs
 def apart(rows: double[:, ::1], reach: double[::1], selected, start: Py_ssize_t, max_rows: Py_ssize_t):
     """Select rows that differ from every row selected before by at least their own reach in some number.
 
-    ``rows`` (n, m): best first. ``reach`` (n,). ``selected``: rows selected already. ``start``: first row to examine.
-    ``max_rows``: maximum number of rows to select.
+    Parameters
+    ----------
+    rows : ndarray, shape (n, m)
+        Best first.
+    reach : ndarray, shape (n,)
+    selected : sequence of int
+        Rows selected already.
+    start : int
+        First row to examine.
+    max_rows : int
+        Maximum number of rows to select.
 
     Returns
     -------

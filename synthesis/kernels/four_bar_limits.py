@@ -53,8 +53,14 @@ def vertex(middle: double, before: double, here: double, after: double, step: do
 class Limits:
     """Limits of a request as functions of a placed linkage; a value of at least 0 satisfies the limit.
 
-    ``table`` (K, 8): code and numbers of each limit, see `codes`. ``has_pose``: whether the linkage is placed. Otherwise
-    lengths are relative to the ground link. ``equations``: which rows are equations.
+    Parameters
+    ----------
+    table : ndarray, shape (K, 8)
+        Code and numbers of each limit, see `codes`.
+    has_pose : bool
+        Whether the linkage is placed. Otherwise lengths are relative to the ground link.
+    equations : sequence of bool
+        Which rows are equations.
     """
 
     def __init__(self, table, has_pose, equations=()):
@@ -86,8 +92,14 @@ class Limits:
     ):
         """Evaluate the limits of linkages.
 
-        ``lengths`` (n, 4). ``branch``, ``first``, ``last``, ``turned`` (n,): branch, first and last crank angle, angle of the
-        ground link. ``pivot``, ``body`` (n, 2): pivot A and z2.
+        Parameters
+        ----------
+        lengths : ndarray, shape (n, 4)
+        branch, first, last, turned : ndarray, shape (n,)
+            Branch, first and last crank angle, angle of the ground link.
+        pivot, body : ndarray, shape (n, 2)
+            Pivot A and z2.
+        derivatives : bool
 
         Returns
         -------

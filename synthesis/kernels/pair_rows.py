@@ -48,9 +48,15 @@ class PairRows:
 
     Lengths are relative to the length scale, positions to the mean position.
 
-    ``samples`` (N, 8): rotation, position (x, y), reciprocals of the weights of rotation and position, whether either is
-    missing (1 or 0), the drive relative to the first sample. ``limits``: numbers by name, None without such a limit;
-    ``pivots``, ``pivot_boxes`` and ``reaches`` have an entry for each pivot. ``has_timing``: whether the drive is prescribed.
+    Parameters
+    ----------
+    samples : ndarray, shape (N, 8)
+        Rotation, position (x, y), reciprocals of the weights of rotation and position, whether either is missing (1 or 0), the
+        drive relative to the first sample.
+    limits : dict
+        Numbers by name, None without such a limit; ``pivots``, ``pivot_boxes`` and ``reaches`` have an entry for each pivot.
+    has_timing : bool
+        Whether the drive is prescribed.
 
     Notes
     -----
@@ -769,8 +775,14 @@ class PairRows:
     def linearise(self, unknowns: double[:, ::1], labels: double[:, ::1], weight: double, sweeps: cython.int):
         """Compute costs and derivatives of candidates.
 
-        ``unknowns`` (n, m). ``labels`` (n, 14). ``weight``: weight of violated limits; 0 ignores them. ``sweeps``: Newton
-        sweeps to a pose.
+        Parameters
+        ----------
+        unknowns : ndarray, shape (n, m)
+        labels : ndarray, shape (n, 14)
+        weight : float
+            Weight of violated limits; 0 ignores them.
+        sweeps : int
+            Newton sweeps to a pose.
 
         Returns
         -------

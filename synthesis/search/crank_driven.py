@@ -31,7 +31,15 @@ class CrankDriven(SearchProblem):
 
     The search refines at some of the samples, answers at all of them.
 
-    ``on_all_samples``: whether the search uses all samples. ``tolerance``: an error below it is exact.
+    Parameters
+    ----------
+    refinements : Refinements
+    on_all_samples : bool
+        Whether the search uses all samples.
+    tolerance : float
+        An error below it is exact.
+    work : Work
+    options : SearchOptions
     """
 
     def __init__(

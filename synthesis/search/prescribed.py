@@ -19,8 +19,14 @@ from synthesis.target import Samples, Target
 class GivenProblem(Problem):
     """A target, a chart and limits, prepared for many candidates.
 
-    ``target``: the motion, with a crank that turns counter-clockwise. ``posed``: the constraints concern the pose, over the
-    length scale; otherwise only the shape and the start.
+    Parameters
+    ----------
+    target : Target
+        The motion, with a crank that turns counter-clockwise.
+    chart : Chart
+    constraints : Constraints, optional
+    posed : bool
+        The constraints concern the pose, over the length scale; otherwise only the shape and the start.
     """
 
     def __init__(

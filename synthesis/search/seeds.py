@@ -105,9 +105,15 @@ class Windows:
     ) -> Timed:
         """Return windows ordered by their motion and their violation of limits, best first, at most one in each cell.
 
-        ``on_shape``: limits that concern only shape and start; windows with a large violation are omitted. ``boxes``: boxes for
-        limits that concern the pose. ``count``: approximate number of useful seeds; a smaller number reduces the number of
-        windows that are evaluated closely.
+        Parameters
+        ----------
+        problem : GivenProblem
+        on_shape : Constraints
+            Limits that concern only shape and start; windows with a large violation are omitted.
+        boxes : Boxes, optional
+            Boxes for limits that concern the pose.
+        count : int
+            Approximate number of useful seeds; a smaller number reduces the number of windows that are evaluated closely.
         """
         target = problem.target.condensed(OPTIONS.samples)
         types, starts = len(self.lengths), self.starts

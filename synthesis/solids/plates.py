@@ -23,7 +23,10 @@ def to_plates(solids: Solids, kerf: float = 0.0) -> str:
     ``kerf`` is the width of the cut in millimetres. Contours are offset by half of it, so that the parts have their size after
     the cut.
 
-    Raise `FieldError` if the cut closes a hole.
+    Raises
+    ------
+    FieldError
+        If the cut closes a hole.
     """
     parts = {part.name.upper(): part.prism for part in solids.parts if part.kind in FLAT}
     document = dxf_document({name: COLOURS.get(name, GREY) for name in (*parts, "MARK")}, 4)

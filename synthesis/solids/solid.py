@@ -164,9 +164,15 @@ def solids_of(machine: Machine, stack: Stack, manufacture: Manufacture, unit: fl
     plates fills the gap of their layers; beside an empty layer it fills half of the gap and is held by the pin, which extends
     through it. Heads are collars.
 
-    ``unit``: millimetres per unit of the machine's lengths, as built.
+    Parameters
+    ----------
+    unit : float
+        Millimetres per unit of the machine's lengths, as built.
 
-    Raise `FieldError` if a hole leaves no material.
+    Raises
+    ------
+    FieldError
+        If a hole leaves no material.
     """
     play = manufacture.fit.turning
     if not machine.hole * unit > play:

@@ -276,8 +276,14 @@ def manufactured(
     With the drive locked, the other guide is met by Newton's method from the pose as designed, for all linkages at once. NaN if
     the loop does not close on the branch of the linkage. Law: without deviations `Linkage.body`.
 
-    ``linkage``: the linkage as designed. ``coordinate`` (n,): coordinates of the drive. ``first``, ``second``: changes of both
-    guides.
+    Parameters
+    ----------
+    linkage : Linkage
+        The linkage as designed.
+    coordinate : ndarray, shape (n,)
+        Coordinates of the drive.
+    first, second : Deviation
+        Changes of both guides.
     """
     driven, other = deviated(linkage.guides[0], first), deviated(linkage.guides[1], second)
     with np.errstate(all="ignore"):

@@ -11,7 +11,10 @@ from synthesis.scenes.lift.pose import Design
 def drawings(design_of: Callable[..., tuple[Design, float]]) -> dict[str, Callable[..., bytes]]:
     """Return the exports that draw the lift at its start and its top.
 
-    ``design_of(request, resources)`` returns the design and the angle of the platform's triangle at the start, rad.
+    Parameters
+    ----------
+    design_of : callable
+        ``design_of(request, resources)`` returns the design and the angle of the platform's triangle at the start, rad.
     """
     return {
         "svg": lambda request, resources: design_svg(*design_of(request, resources)).encode(),

@@ -48,8 +48,14 @@ class Extreme(NamedTuple):
 def find_minimum(function: Callable[[Floats], Floats], start: float, end: float, tie: float = 0.0) -> Extreme:
     """Find the smallest value of a continuous function of the phase, to rounding accuracy if the function is smooth.
 
-    ``function(phase) -> value`` for arrays of shape (n,). ``start``, ``end``: range of the phase. ``tie``: among minima within
-    this difference of the smallest value, the first is returned.
+    Parameters
+    ----------
+    function : callable
+        ``function(phase) -> value`` for arrays of shape (n,).
+    start, end : float
+        Range of the phase.
+    tie : float
+        Among minima within this difference of the smallest value, the first is returned.
     """
     x = np.linspace(start, end, OPTIONS.cells + 1)
     y = function(x)
@@ -145,9 +151,14 @@ def closing_links(track: Track, pitch: float, work: Work = UNLIMITED) -> int:
 def closure_error(links: int, nearest_links: int, missing: float, where: str) -> FieldError:
     """Return the error for a chain with the wrong number of links for its track.
 
-    ``links``, ``nearest_links``: number of links of the chain, and the nearest number of links with which the chain closes.
-    ``missing``: missing length at the worst phase; negative for an excess length. ``where``: end of the sentence: the track or
-    the family of tracks.
+    Parameters
+    ----------
+    links, nearest_links : int
+        Number of links of the chain, and the nearest number of links with which the chain closes.
+    missing : float
+        Missing length at the worst phase; negative for an excess length.
+    where : str
+        End of the sentence: the track or the family of tracks.
     """
     verb, word, length = "does not close", "in excess", {"excess_length": -missing}
     if missing > 0:

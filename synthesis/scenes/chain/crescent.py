@@ -91,7 +91,12 @@ class Crescent:
 def level_crescent(wheel_radius: float, upper_radius: float, alpha: float) -> Crescent:
     """Return the crescent whose wheel centres are level with the centre of the upper arc: a^2 = c^2 + b^2, tan xi = b/c.
 
-    ``wheel_radius``, ``upper_radius``: R0 and R1. ``alpha``: half sweep of the lower arc.
+    Parameters
+    ----------
+    wheel_radius, upper_radius : float
+        R0 and R1.
+    alpha : float
+        Half sweep of the lower arc.
     """
     c = wheel_radius + upper_radius
     lower_radius = wheel_radius + c / np.sin(alpha)
@@ -101,7 +106,10 @@ def level_crescent(wheel_radius: float, upper_radius: float, alpha: float) -> Cr
 def given_crescent(wheel_radius: float, upper_radius: float, lower_radius: float, eccentricity: float) -> Crescent:
     """Return the crescent for given R0, R1, R2 and b, whose joints are exactly tangent.
 
-    Raise `FieldError` if the triangle of the centres with the sides a, b, c does not exist, or the wheels overlap.
+    Raises
+    ------
+    FieldError
+        The triangle of the centres with the sides a, b, c does not exist, or the wheels overlap.
     """
     c, a, b = upper_radius + wheel_radius, lower_radius - wheel_radius, eccentricity
     if not (a > 0 and abs(c - b) < a < c + b):
@@ -132,10 +140,22 @@ def critical_crescent(
     Its lower radius is the largest value that any phase requires. The source assumes the critical phase theta1m; here
     it is found.
 
-    ``pitch``: length of a link. ``links``: number of links. ``upper_radius``, ``wheel_radius``: R1 and R0.
+    Parameters
+    ----------
+    pitch : float
+        Length of a link.
+    links : int
+        Number of links.
+    upper_radius, wheel_radius : float
+        R1 and R0.
+    work : Work, optional
+        Called between the steps to check whether the result is still wanted.
 
-    Raise `FieldError` if the chain closes on no crescent with these radii. The error contains the nearest number of links and
-    the missing or excess length.
+    Raises
+    ------
+    FieldError
+        The chain closes on no crescent with these radii. The error contains the nearest number of links and the
+        missing or excess length.
     """
     where = "on any lower radius"
 

@@ -149,7 +149,11 @@ def track_polyarc(track: Track, start: float, end: float) -> Polyarc:
 def groove(slot: Slot, roller_radius: float | None) -> dict[str, Polyarc]:
     """Compute the path of all pins and the walls of the groove for a roller.
 
-    ``roller_radius``: radius of the rollers. Without it the groove has no walls.
+    Parameters
+    ----------
+    slot : Slot
+    roller_radius : float, optional
+        Radius of the rollers. Without it the groove has no walls.
 
     Returns
     -------
@@ -157,7 +161,10 @@ def groove(slot: Slot, roller_radius: float | None) -> dict[str, Polyarc]:
         Closed contours in the direction of travel: ``path``, and the walls ``left`` and ``right``, each at a roller
         radius from the path.
 
-    Raise `FieldError` if the roller is too large for the curvature of the path.
+    Raises
+    ------
+    FieldError
+        The roller is too large for the curvature of the path.
     """
     track, pitch = slot.chain.track, slot.chain.pitch
     along, _ = track.feet(UPPER_ARC, slot.path(np.array([slot.start, slot.end])))
@@ -198,7 +205,10 @@ def _refuse_undercut(roller_radius: float, largest: float) -> None:
 def roller_walls(slot: Slot, phases: Floats, roller_radius: float) -> dict[str, Points]:
     """Return the ``left`` and the ``right`` wall of a slot for a roller, parallel to the pin's path, at phases, shape (n,).
 
-    Raise `FieldError` if the roller is too large for the curvature of the path.
+    Raises
+    ------
+    FieldError
+        The roller is too large for the curvature of the path.
     """
     _refuse_undercut(roller_radius, smallest_radius(slot))
     path, normals = slot.path(phases), slot.normals(phases)

@@ -234,10 +234,19 @@ def crescent_slot(
     The window starts at the phase with the smallest slack. If the chain closes critically, both ends of the slot are
     then on the bare track. The free pin is the last pin that has not passed the middle of the arc at that phase.
 
-    ``start``: angle of P1 on the left wheel at the start of the window. By default, the phase with the smallest slack.
+    Parameters
+    ----------
+    dimensions : Dimensions
+    start : float, optional
+        Angle of P1 on the left wheel at the start of the window. By default, the phase with the smallest slack.
+    work : Work, optional
+        Called between the steps to check whether the result is still wanted.
 
-    Raise `FieldError` if there is no such crescent; the chain is too short at some phase, or has a link too many at every
-    phase; a link does not fit on the track, or the chain does not run smoothly; or there is no slot.
+    Raises
+    ------
+    FieldError
+        There is no such crescent; the chain is too short at some phase, or has a link too many at every phase; a link
+        does not fit on the track, or the chain does not run smoothly; or there is no slot.
     """
     pitch, links = dimensions.pitch, dimensions.links
     crescent = crescent_for(dimensions, work)
@@ -346,7 +355,13 @@ class SlotReport(NamedTuple):
 def analyse_slot(slot: Slot, phases: Floats, work: Work = UNLIMITED) -> SlotReport:
     """Compute the extremes of a slot over its window.
 
-    ``phases`` (n,): phases at which the chords are checked.
+    Parameters
+    ----------
+    slot : Slot
+    phases : ndarray, shape (n,)
+        Phases at which the chords are checked.
+    work : Work, optional
+        Called between the steps to check whether the result is still wanted.
     """
     track = slot.chain.track
     work.go_on()

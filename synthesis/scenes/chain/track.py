@@ -75,8 +75,11 @@ class Track:
 
     Consecutive pins are one pitch apart, and the next pin is the first such position ahead.
 
-    ``segments``: segments in the direction of travel. Each segment starts at the end of its predecessor with the same heading,
-    and the last segment ends at the start of the first.
+    Parameters
+    ----------
+    segments : sequence of Arc
+        Segments in the direction of travel. Each segment starts at the end of its predecessor with the same heading,
+        and the last segment ends at the start of the first.
     """
 
     def __init__(self, segments: Sequence[Arc]) -> None:
@@ -177,10 +180,21 @@ class Track:
 
         The cost does not depend on the number of links on a segment, only on the number of joints passed.
 
-        ``position``: the pins, shape (n,). ``pitch``: length of a link. ``links``: number of links for each position, at least
-        0. ``direction``: in or against the direction of travel.
+        Parameters
+        ----------
+        position : TrackPosition
+            The pins, shape (n,).
+        pitch : float
+            Length of a link.
+        links : int or array_like of int
+            Number of links for each position, at least 0.
+        direction : {1, -1}
+            In or against the direction of travel.
 
-        Raise `FieldError` if a pin has no next pin; the error describes the first such pin.
+        Raises
+        ------
+        FieldError
+            A pin has no next pin; the error describes the first such pin.
         """
         at_rest = PinMotion(np.zeros_like(position.along), np.zeros_like(position.along))
         return self.carry(position, at_rest, pitch, links, direction)[0]

@@ -218,7 +218,10 @@ class SegmentEntersTriangle:
     def evaluate(self, mechanism: Mechanism, items: int, work: Work = UNLIMITED) -> EntryResult:
         """Return the verdict for each item; ``work`` may end the evaluation early.
 
-        Raise `FieldError` if the triangle of some item has no area, or the evaluation takes too many pieces.
+        Raises
+        ------
+        FieldError
+            The triangle of some item has no area, or the evaluation takes too many pieces.
         """
         return _in_chunks(self._evaluate, mechanism, items, self, self.window, work)
 
@@ -343,9 +346,16 @@ def find_windows(
 
     The five orientations change sign only at their roots, so that an evaluation between each two neighbouring roots decides.
 
-    ``orientation_functions``: the five `orientations` as functions of driver and item, see `events.Functions`. ``roots``: all
-    roots of these functions. ``ends``: ends of the driver's range, rad. ``may_enter`` (items,): False for items that have no
-    window in any case.
+    Parameters
+    ----------
+    orientation_functions : callable
+        The five `orientations` as functions of driver and item, see `events.Functions`.
+    roots : events.Events
+        All roots of these functions.
+    ends : tuple of float
+        Ends of the driver's range, rad.
+    may_enter : ndarray of bool, shape (items,)
+        False for items that have no window in any case.
 
     Returns
     -------
@@ -389,8 +399,14 @@ class CrossingCurve(NamedTuple):
 def crossing_curve(mechanism: Mechanism, condition: SegmentEntersTriangle, driver: Floats) -> CrossingCurve:
     """Compute the crossing of the rope's line with the plane of a triangle over the driver angle (eqs 11 and 26).
 
-    ``mechanism``: a single mechanism. ``condition``: the condition that names the rope's ends and the triangle. ``driver``
-    (n,): driver angles, rad.
+    Parameters
+    ----------
+    mechanism : Mechanism
+        A single mechanism.
+    condition : SegmentEntersTriangle
+        The condition that names the rope's ends and the triangle.
+    driver : ndarray, shape (n,)
+        Driver angles, rad.
     """
     positions = condition.positions(mechanism, driver)
     signs = as_array(orientations(*positions), driver.shape)
@@ -418,15 +434,27 @@ def study(
 ) -> StudyResult:
     """Evaluate conditions for every combination of some parameters.
 
-    ``mechanism``: a single mechanism. ``grid``: values of each parameter that varies, at least one each.
+    Parameters
+    ----------
+    mechanism : Mechanism
+        A single mechanism.
+    grid : mapping
+        Values of each parameter that varies, at least one each.
+    conditions : sequence of Condition
+        The conditions.
+    work : Work, optional
+        Time budget and cancellation, checked before each few items of each condition.
 
     Returns
     -------
     StudyResult
         Verdicts; the result of an item does not depend on the other items of the grid.
 
-    Raise `FieldError` if points coincide or are collinear, a law is not defined over the range of a condition, or the
-    evaluation would take too many pieces.
+    Raises
+    ------
+    FieldError
+        Points coincide or are collinear, a law is not defined over the range of a condition, or the evaluation would
+        take too many pieces.
     """
     axes = np.meshgrid(*(np.asarray(values, float) for values in grid.values()), indexing="ij")
     item_values = {name: axis.ravel() for name, axis in zip(grid, axes)}

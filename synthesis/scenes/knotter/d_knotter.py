@@ -81,9 +81,16 @@ def mechanism(
     degrees. The printed eq 17 is not the inverse of eq 9, because it turns the bill in the wrong sense; the inverse is
     therefore derived from the steps of eq 9.
 
-    ``parameters``: angles ``alpha1, alpha2, alpha3`` (rad) and lengths ``d1, D, d5, d6, d9, d10``. ``senses``: senses ``alpha``
-    and ``beta``, each 1 or -1. ``laws``: laws ``beta`` (disc) and ``alpha4`` (jaw) over the bill's angle. ``points``:
-    coordinates, each in its frame of `POINT_FRAMES`.
+    Parameters
+    ----------
+    parameters : mapping, optional
+        Angles ``alpha1, alpha2, alpha3`` (rad) and lengths ``d1, D, d5, d6, d9, d10``.
+    senses : mapping, optional
+        Senses ``alpha`` and ``beta``, each 1 or -1.
+    laws : mapping, optional
+        Laws ``beta`` (disc) and ``alpha4`` (jaw) over the bill's angle.
+    points : mapping, optional
+        Coordinates, each in its frame of `POINT_FRAMES`.
     """
     published = {"alpha1": 0.0, "alpha2": ALPHA2, "alpha3": 0.0, "d5": PUBLISHED_D5, "d6": PUBLISHED_D6}
     assumed_laws: dict[str, Law] = {

@@ -49,9 +49,16 @@ class Events(NamedTuple):
 def find_roots(functions: Functions, driver: Floats, values: Floats, noise: Floats) -> Events:
     """Find the roots of every function.
 
-    ``functions``: the functions, see `Functions`. ``driver`` (samples,): driver angles of the samples, increasing. ``values``
-    (functions, items, samples): values of the functions. ``noise`` (functions, items): size below which a value counts as zero:
-    it has the sign of the last larger value.
+    Parameters
+    ----------
+    functions : callable
+        The functions, see `Functions`.
+    driver : ndarray, shape (samples,)
+        Driver angles of the samples, increasing.
+    values : ndarray, shape (functions, items, samples)
+        Values of the functions.
+    noise : ndarray, shape (functions, items)
+        Size below which a value counts as zero: it has the sign of the last larger value.
     """
 
     def of(function: Integers, item: Integers, sign: Floats) -> Callable[[Floats], Floats]:
@@ -112,8 +119,14 @@ def _near_zero(size: Floats, sign: Floats) -> Flags:
 def smallest_values(function: Functions, driver: Floats, values: Floats) -> tuple[Floats, Floats]:
     """Find the smallest value of a continuous function for each item, which may be at a kink or an end of the range.
 
-    ``function(driver, item) -> values``, of the common shape of its arguments. ``driver`` (samples,): driver angles of the
-    samples, increasing. ``values`` (items, samples): values of the function.
+    Parameters
+    ----------
+    function : callable
+        ``function(driver, item) -> values``, of the common shape of its arguments.
+    driver : ndarray, shape (samples,)
+        Driver angles of the samples, increasing.
+    values : ndarray, shape (items, samples)
+        Values of the function.
 
     Returns
     -------

@@ -86,8 +86,10 @@ class Table:
 
     At a knot the law equals the knot's angle; between two knots it stays between their angles.
 
-    Raise `ValueError` if there are fewer than two knots, the two columns differ in length, or the driver angles do not
-    increase.
+    Raises
+    ------
+    ValueError
+        There are fewer than two knots, the two columns differ in length, or the driver angles do not increase.
     """
 
     driver: tuple[float, ...]
@@ -249,7 +251,10 @@ class Mechanism:
 
         All angles at which a law is not smooth are among them.
 
-        Raise `FieldError` if the range needs more than `SampleOptions.max_pieces` pieces.
+        Raises
+        ------
+        FieldError
+            The range needs more than `SampleOptions.max_pieces` pieces.
         """
         laws = self.laws_of(frames).values()
         corners = np.unique([first, *(knot for law in laws for knot in law.driver if first < knot < last), last])

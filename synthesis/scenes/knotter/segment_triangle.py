@@ -48,7 +48,12 @@ def safe_divisor(x: Floats) -> Floats:
 def orientations(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> tuple[Any, ...]:
     """Compute the five orientations that decide whether segment pq crosses triangle abc.
 
-    ``p``, ``q``: ends of the segment. ``a``, ``b``, ``c``: vertices of the triangle.
+    Parameters
+    ----------
+    p, q : vector
+        Ends of the segment.
+    a, b, c : vector
+        Vertices of the triangle.
 
     Returns
     -------

@@ -75,10 +75,17 @@ class DesignSpace:
     def designs(self, points: Floats, side: Floats) -> StrokeDesign:
         """Return the designs for points of the search space.
 
-        ``points`` (n, count): scaled variables. ``side`` (n,): 1 if B starts between the slide and the cylinder pivot, -1 if it
-        starts beyond the pivot.
+        Parameters
+        ----------
+        points : ndarray, shape (n, count)
+            Scaled variables.
+        side : ndarray, shape (n,)
+            1 if B starts between the slide and the cylinder pivot, -1 if it starts beyond the pivot.
 
-        The result is NaN if a design cannot be assembled at the start.
+        Returns
+        -------
+        StrokeDesign
+            NaN if a design cannot be assembled at the start.
         """
         low, high = self.task.low, self.task.high
         coordinates = iter(np.clip(points, 0.0, 1.0).T)
@@ -230,8 +237,18 @@ def optimize(task: Task, limits: Constraints, work: Work = UNLIMITED) -> Optimum
     The search is deterministic. It ignores the length of the task's cylinder, because the closed length is a
     variable. Every slack of the result is at least 0 in every pose, up to rounding.
 
-    Raise `FieldError` if no design was found that satisfies all constraints. ``constraint`` names the constraint that the
-    nearest design violates most, and ``amount`` is the size of the violation in the unit that the message states.
+    Parameters
+    ----------
+    task : Task
+    limits : Constraints
+    work : Work, optional
+        Called regularly to check whether the result is still wanted.
+
+    Raises
+    ------
+    FieldError
+        No design was found that satisfies all constraints. ``constraint`` names the constraint that the nearest
+        design violates most, and ``amount`` is the size of the violation in the unit that the message states.
     """
     check_task(task)
     check_constraints(limits, task.high)

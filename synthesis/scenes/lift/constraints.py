@@ -174,9 +174,15 @@ def quantities(
 ) -> dict[str, Floats]:
     """Compute the quantities that the constraints limit.
 
-    ``candidates``: n designs that meet the stroke. ``nodes``: number of poses from start to top, closely spaced near the start,
-    where the rates change fastest. ``dead_point_nodes``: see `synthesis.scenes.lift.pose.dead_point`; 0: without
-    ``dead_point``.
+    Parameters
+    ----------
+    candidates : StrokeDesign
+        n designs that meet the stroke.
+    task : Task
+    nodes : int
+        Number of poses from start to top, closely spaced near the start, where the rates change fastest.
+    dead_point_nodes : int
+        See `synthesis.scenes.lift.pose.dead_point`; 0: without ``dead_point``.
 
     Returns
     -------
@@ -223,7 +229,14 @@ def slacks(
 ) -> dict[str, Floats]:
     """Compute the slacks of all constraints.
 
-    ``candidates``: n designs that meet the stroke. ``nodes``: number of poses from start to top.
+    Parameters
+    ----------
+    candidates : StrokeDesign
+        n designs that meet the stroke.
+    task : Task
+    limits : Constraints
+    nodes : int
+        Number of poses from start to top.
 
     Returns
     -------
@@ -264,8 +277,11 @@ def minimum_slacks(slacks_by_name: dict[str, Floats]) -> dict[str, Floats]:
 def check_constraints(limits: Constraints, top_height: float) -> None:
     """Raise an error for constraints that no design can satisfy.
 
-    Raise `FieldError` if a range is empty, or the box excludes the cylinder pivot or the top height. ``constraint`` is the name
-    of the field.
+    Raises
+    ------
+    FieldError
+        A range is empty, or the box excludes the cylinder pivot or the top height. ``constraint`` is the name of the
+        field.
     """
     ranges = {**limits.lengths, "closed_length": limits.closed_length, "rise_time": limits.rise_time}
     for name, (low, high) in ranges.items():
@@ -318,7 +334,13 @@ class ConstraintRow:
 def constraint_rows(limits: Constraints, values: dict[str, float], active: Sequence[str] = ()) -> list[ConstraintRow]:
     """List every limit with the value of a design.
 
-    ``values``: result of `measured_values`. ``active``: names of the active constraints, as in `Optimum`.
+    Parameters
+    ----------
+    limits : Constraints
+    values : dict of str to float
+        Result of `measured_values`.
+    active : sequence of str
+        Names of the active constraints, as in `Optimum`.
     """
     kinds: tuple[tuple[Literal["minimum", "maximum"], str], ...] = (("minimum", ">=min"), ("maximum", "<=max"))
     return [

@@ -87,7 +87,12 @@ def _drawing(design: Design, turn: float) -> tuple[dict[str, complex], complex, 
 def design_svg(design: Design, turn: float) -> str:
     """Draw the lift in its start and top positions, with the paths of B and C and the symbols of the documentation, as SVG.
 
-    ``design``: a single design, in millimetres. ``turn``: turn at the start.
+    Parameters
+    ----------
+    design : Design
+        A single design, in millimetres.
+    turn : float
+        Turn at the start.
     """
     start, top, lines = _drawing(design, turn)
     half_width = 0.14 * abs(top)
@@ -109,7 +114,12 @@ def design_svg(design: Design, turn: float) -> str:
 def design_dxf(design: Design, turn: float) -> str:
     """Draw the lift in its start and top positions, with pivots, slide and the paths of B and C, as DXF in millimetres.
 
-    ``design``: a single design, in millimetres. ``turn``: turn at the start.
+    Parameters
+    ----------
+    design : Design
+        A single design, in millimetres.
+    turn : float
+        Turn at the start.
     """
     start, top, lines = _drawing(design, turn)
     document = dxf_document(LAYERS, MILLIMETRES)

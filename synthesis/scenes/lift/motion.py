@@ -154,9 +154,16 @@ def acceleration(pose: Pose, cylinder_speed: Any, cylinder_acceleration: Any) ->
 def motion(design: Design, cylinder: Cylinder, times: Any | None = None, samples: int = 201) -> Motion:
     """Compute the motion of one lift.
 
-    ``design``: a single design. ``cylinder``: with a positive speed the motion starts at the cylinder's length, with a negative
-    speed at the top. ``times``: times since the start. By default, `samples` evenly spaced times from start to end.
-    ``samples``: number of times, if `times` is not given.
+    Parameters
+    ----------
+    design : Design
+        A single design.
+    cylinder : Cylinder
+        With a positive speed the motion starts at the cylinder's length, with a negative speed at the top.
+    times : array_like, optional
+        Times since the start. By default, `samples` evenly spaced times from start to end.
+    samples : int
+        Number of times, if `times` is not given.
 
     Raises
     ------

@@ -199,7 +199,14 @@ def optimum_motion(optimum: Optimum, task: Task) -> OptimumMotion:
 
 
 class Evaluator:
-    """Objective of a task for batches of designs."""
+    """Objective of a task for batches of designs.
+
+    Parameters
+    ----------
+    task : Task
+    work : Work, optional
+        Called before each block of designs to check whether the result is still wanted.
+    """
 
     def __init__(self, task: Task, work: Work = UNLIMITED) -> None:
         self.task = task
@@ -221,8 +228,13 @@ class Evaluator:
     def moments(self, design: Design, gamma: Any | None = None, closed: Any | None = None) -> Any:
         """Return the objective and the mean speed over height (29) of each design, shape (2, ...).
 
-        ``gamma``: the triangle's angle at A, if it is known more accurately than it follows from the three sides. ``closed``:
-        cylinder length at the start, if it differs from the task's.
+        Parameters
+        ----------
+        design : Design
+        gamma : float or ndarray, optional
+            The triangle's angle at A, if it is known more accurately than it follows from the three sides.
+        closed : float or ndarray, optional
+            Cylinder length at the start, if it differs from the task's.
         """
         gamma = triangle_angle(design.l2, design.l3, design.l4) if gamma is None else gamma
         closed = self.task.cylinder.length if closed is None else closed

@@ -281,9 +281,14 @@ def top_lever(design: Design, constants: DesignConstants | None = None) -> Any:
 def evaluate_in_blocks(function: Callable[..., Any], size: int, *fields: Any) -> Any:
     """Evaluate a function of arrays for at most `size` members at a time, to bound the memory.
 
-    ``function(*columns) -> values`` for columns of shape (n,) and values of shape (..., n). ``size``: number of members
-    evaluated at a time. ``*fields``: arguments that broadcast against each other. Their common shape replaces the last axis of
-    the values.
+    Parameters
+    ----------
+    function : callable
+        ``function(*columns) -> values`` for columns of shape (n,) and values of shape (..., n).
+    size : int
+        Number of members evaluated at a time.
+    *fields : float or ndarray
+        Arguments that broadcast against each other. Their common shape replaces the last axis of the values.
     """
     arrays = np.broadcast_arrays(*(np.asarray(field, dtype=float) for field in fields))
     flat = [array.reshape(-1) for array in arrays]
@@ -351,7 +356,13 @@ def turn_at_length(design: Design, length: Any, turn_dead: Any | None = None) ->
     Near the dead point l1 is quadratic in the turn, so the turn is smooth in w = sqrt(l1 - l1_dead).
     The initial guess is the cubic in w with the correct values and slopes at both ends.
 
-    ``length``: cylinder lengths. ``turn_dead``: the `dead_point` of the design, if it is already known.
+    Parameters
+    ----------
+    design : Design
+    length : float or ndarray
+        Cylinder lengths.
+    turn_dead : float or ndarray, optional
+        The `dead_point` of the design, if it is already known.
     """
     turn_dead = dead_point(design) if turn_dead is None else np.asarray(turn_dead, dtype=float)
     constants = design_constants(design)
