@@ -121,7 +121,7 @@ def turning_fully(linkage: Linkage, family: str) -> Linkage:
         return linkage
     crank, coupler, rocker, ground = linkage.links
     rocks = {"crank_rocker": True, "double_crank": False}.get(family, crank <= ground)
-    # a double-crank's lengths are those of a crank-rocker with crank and ground, coupler and rocker exchanged
+    # a double-crank has the lengths of a crank-rocker with crank and ground, coupler and rocker exchanged
     shortest, first, second, fourth = (crank, coupler, rocker, ground) if rocks else (ground, rocker, coupler, crank)
     if fourth < (1 + 2 * OPTIONS.apart) * shortest:
         middle = (shortest + fourth) / 2
@@ -165,7 +165,7 @@ def refine_motion(
     tolerance : float
         Objective below which the descents end.
     work : Work
-        When it has expired, the best result so far is returned.
+        When it has expired, the best result until then is returned.
 
     Returns
     -------
