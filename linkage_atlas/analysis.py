@@ -120,16 +120,15 @@ class AskedAnalysis(NamedTuple):
 
 def read_analysis(analysis: Fields, mounted: bool) -> AskedAnalysis:
     """Check a request for an analysis: ``crank_speed``, and optionally ``load`` and ``length_unit``."""
-    known_fields("analysis", analysis, ("crank_speed", "load", "length_unit"))
-    if analysis.get("crank_speed") is None:
+    analysis = known_fields("analysis", analysis, ("crank_speed", "load", "length_unit"))
+    if "crank_speed" not in analysis:
         raise FieldError("/analysis/crank_speed", "is required: the speed of the crank")
     speed = bounded("analysis/crank_speed", analysis["crank_speed"])
     unit = analysis.get("length_unit", "mm")
     metre = millimetres_in(unit, "analysis/") / 1000
-    values = analysis.get("load")
-    if values is None:
+    if "load" not in analysis:
         return AskedAnalysis(speed, None)
-    load, parts = read_load("analysis/load", values, LINKS_WITH_MASS, mounted, MOST_LINK_MASSES)
+    load, parts = read_load("analysis/load", analysis["load"], LINKS_WITH_MASS, mounted, MOST_LINK_MASSES)
     for index, mass in enumerate(load.masses):
         if mass.mass == 0:
             raise FieldError(f"/analysis/load/masses/{index}/mass", "must be a mass above 0; it is 0")
@@ -167,8 +166,7 @@ def read_load(
     middles : mapping, optional
         Centre of a mass without ``centre``, by link; default: the origin of the link's frame.
     """
-    known_fields(field, values, ("force", "torque", "masses", "parts", "gravity", *also))
-    values = {name: value for name, value in values.items() if value is not None}
+    values = known_fields(field, values, ("force", "torque", "masses", "parts", "gravity", *also))
     force = pair(f"{field}/force", values.get("force", (0, 0)), words="[fx, fy]")
     if force and not mounted:
         raise FieldError(
@@ -188,8 +186,7 @@ def read_load(
 def _mass(
     field: str, values: Any, links: Sequence[str], mounted: bool, default: str | None, middles: Mapping[str, complex]
 ) -> Mass:
-    known_fields(field, values, ("link", "mass", "centre", "inertia"))
-    values = {name: value for name, value in values.items() if value is not None}
+    values = known_fields(field, values, ("link", "mass", "centre", "inertia"))
     link: Any = one_of(f"{field}/link", values.get("link", default), links)
     if link == "body" and not mounted:
         raise FieldError(

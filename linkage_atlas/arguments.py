@@ -120,12 +120,14 @@ def check_required(where: str, values: Fields, names: Iterable[str]) -> None:
             raise FieldError(f"/{where}{name}", "is required")
 
 
-def known_fields(field: str, value: object, names: tuple[str, ...]) -> Fields:
-    """Return a mapping whose fields all have known names; otherwise raise FieldError."""
+def known_fields(field: str, value: object, names: tuple[str, ...]) -> dict[str, Any]:
+    """Return the fields of a mapping that are not None; raise FieldError for one whose name is not known."""
+    where = f"/{field}" if field else ""
     if not isinstance(value, Mapping):
-        raise FieldError(f"/{field}" if field else "", f"must be a mapping of {', '.join(names)}")
-    check_names(f"/{field}" if field else "", (name for name in value if value[name] is not None), names)
-    return value
+        raise FieldError(where, f"must be a mapping of {', '.join(names)}")
+    found = {name: item for name, item in value.items() if item is not None}
+    check_names(where, found, names)
+    return found
 
 
 def read_fields(where: str, values: object, readers: Mapping[str, Callable[[str, Any], Any]]) -> dict[str, Any]:
@@ -141,7 +143,7 @@ def read_fields(where: str, values: object, readers: Mapping[str, Callable[[str,
         For each known name ``read(field, value)``, which returns the checked value or raises FieldError.
     """
     known = known_fields(where.rstrip("/"), values, tuple(readers))
-    return {name: readers[name](f"{where}{name}", value) for name, value in known.items() if value is not None}
+    return {name: readers[name](f"{where}{name}", value) for name, value in known.items()}
 
 
 def positive(field: str, value: object, noun: str = "length") -> float:

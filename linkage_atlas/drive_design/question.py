@@ -232,8 +232,8 @@ class Reader:
         entry = known_fields(at, entry, ("link", "point", "force"))
         names = [*self.machine.links, *(["body"] if self.machine.body is not None else [])]
         link = one_of(f"{at}/link", entry.get("link"), names)
-        prescribed, middle = entry.get("point"), self.machine.middles.get(link, 0j)
-        point = middle if prescribed is None else pair(f"{at}/point", prescribed, MAX_LENGTH)
+        middle = self.machine.middles.get(link, 0j)
+        point = pair(f"{at}/point", entry["point"], MAX_LENGTH) if "point" in entry else middle
         return PointForce(link, point, pair(f"{at}/force", entry.get("force"), words="[fx, fy]"))
 
     def drive(self, at: str, entry: object) -> DriveRequest:
@@ -327,17 +327,16 @@ class Reader:
 
     def _holding(self, at: str, entry: object) -> Holding:
         entry, force = known_fields(at, entry, Holding._fields), None
-        if entry.get("force_min") is not None:
+        if "force_min" in entry:
             self._check_hand(f"{at}/force_min")
             force = bounded(f"{at}/force_min", positive(f"{at}/force_min", entry["force_min"], "number"))
         return Holding(flag(f"{at}/closed", entry.get("closed")), flag(f"{at}/open", entry.get("open")), force)
 
     def _curve(self, at: str, entry: object) -> TargetCurve:
         entry = known_fields(at, entry, ("torque", "hand_force"))
-        names = [name for name in ("torque", "hand_force") if entry.get(name) is not None]
-        if len(names) != 1:
+        if len(entry) != 1:
             raise FieldError(f"/{at}", "give either `torque` or `hand_force`")
-        (name,) = names
+        (name,) = entry
         if name == "hand_force":
             self._check_hand(f"{at}/hand_force")
         values = np.atleast_1d(column(f"{at}/{name}", entry[name]))
@@ -351,11 +350,8 @@ class Reader:
         """Return the fields of an entry after a check of numbers, boxes and links."""
         names = [item.name for item in fields(request) if item.name not in ("kind", "rows", "torsion_rows")]
         entry = known_fields(at, entry, ("kind", *names))
-        values = {
-            name: self._value(f"{at}/{name}", name, value)
-            for name, value in entry.items()
-            if value is not None and name != "kind"
-        }
+        del entry["kind"]
+        values = {name: self._value(f"{at}/{name}", name, value) for name, value in entry.items()}
         if links is not None:
             values["links"] = _links(f"{at}/links", values.get("links"), links)
         return values
