@@ -28,9 +28,9 @@ from benchmarks import engine
 threadpool_limits(1, "blas")
 la.prepare()
 for line in sys.stdin:
-    name, seed = json.loads(line)
+    name, seed, top = json.loads(line)
     case = engine.CLASSES[name].case(seed)
-    options = {"prefer": "error"} if case.search is la.synthesize else {}
+    options = {"top": top} | ({"prefer": "error"} if case.search is la.synthesize else {})
     begin = time.process_time()
     reply = case.ask(**options)
     seconds = time.process_time() - begin
@@ -51,7 +51,7 @@ class Worker:
     def ask(self, name: str, seed: int) -> tuple[float, float]:
         """Return the smallest error of the answers, and milliseconds."""
         assert self.process.stdin is not None and self.process.stdout is not None
-        self.process.stdin.write(json.dumps([name, seed]) + "\n")
+        self.process.stdin.write(json.dumps([name, seed, engine.CLASSES[name].case(seed).top]) + "\n")
         self.process.stdin.flush()
         cost, milliseconds = json.loads(self.process.stdout.readline())
         return cost, milliseconds

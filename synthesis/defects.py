@@ -92,14 +92,14 @@ class Circuits:
         conditions = linkage.conditions
         self._angle = linkage.driver.turns
         at_extremes = [
-            (extreme, float(condition.value(np.array([extreme]))[0]), condition.size)
+            (extreme, value, condition.size)
             for condition in conditions
-            for extreme in condition.extremes
+            for extreme, value in zip(condition.extremes, condition.value(np.array(condition.extremes)).tolist())
         ]
         cuts = [extreme for extreme, value, _ in at_extremes if value < 0]
         self.uncertain = any(abs(value) < NEAR_CHANGE_POINT * size for _, value, size in at_extremes)
         if linkage.is_four_bar:  # s + l - p - q is the smallest of the three sums
-            excess = float(np.min(np.abs(grashof_excesses(linkage.links))))
+            excess = min(abs(float(excess)) for excess in grashof_excesses(linkage.links))
             self.uncertain = excess < NEAR_CHANGE_POINT * sum(linkage.links)
         second = linkage.local_guides[1]
         endless = linkage.driver is Driver.HINGE and isinstance(second, Rail)
@@ -161,8 +161,8 @@ def passage(
         The linkage.
     coordinate : array_like, shape (N,)
         Coordinates of the drive at the samples.
-    side : array_like of +1 or -1, shape (N,)
-        Branch of each sample.
+    side : array_like of +1 or -1, shape (N,) or ()
+        Branch of each sample, or of all.
     ordered : bool
         The samples must be passed in their order; otherwise in any order, within a turn.
     closed : bool
@@ -171,7 +171,8 @@ def passage(
         The coordinates are prescribed: the drive moves through exactly these values, also over several turns.
         Otherwise angles count modulo a turn.
     """
-    q, side = np.asarray(coordinate, dtype=float), np.asarray(side)
+    q = np.asarray(coordinate, dtype=float)
+    side = np.full(q.shape, side)
     where = Circuits(linkage)
     closes = np.all([condition.value(q) >= 0 for condition in linkage.conditions] or [np.isfinite(q)], axis=0)
     if np.any(side != side[0]):
@@ -230,7 +231,7 @@ def verdict(
         See `passage`.
     """
     q = np.asarray(coordinate, dtype=float)
-    side = np.full(q.shape, linkage.branch) if side is None else np.asarray(side)
+    side = linkage.branch if side is None else np.asarray(side)
     passed = passage(linkage, q, side, ordered=ordered, closed=closed, timed=timed)
     drive, alternatives = linkage.driver.value, other_drives(linkage)
     driver = drive if passed.driven else None

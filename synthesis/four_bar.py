@@ -58,7 +58,7 @@ def _pair_difference(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
     return (left - right) + (left_error - right_error)
 
 
-_PAIRINGS = ((1, 2, 1), (3, 3, 2), (0, 0, 0), (2, 1, 3))
+_PAIRINGS = np.array([(1, 2, 1), (3, 3, 2), (0, 0, 0), (2, 1, 3)])
 """Links that are added, and links that are subtracted, in each of the three excesses."""
 
 
@@ -73,9 +73,9 @@ def grashof_excesses(lengths: ArrayLike) -> tuple[Floats, Floats, Floats]:
         ``(L2+L4)-(L1+L3)``, ``(L3+L4)-(L1+L2)``, ``(L2+L3)-(L1+L4)`` in the same unit. Their signs name the `Family`: a product
         above zero is Grashof's condition. A zero is a change point.
     """
-    lengths = np.asarray(lengths, dtype=float)
+    pairs = np.asarray(lengths, dtype=float).take(_PAIRINGS, axis=-1)
     with np.errstate(over="ignore", invalid="ignore"):  # NaN for lengths that are not finite, or overflow when added
-        found = _pair_difference(*(lengths[..., pair] for pair in _PAIRINGS))
+        found = _pair_difference(*(pairs[..., k, :] for k in range(4)))
     return found[..., 0], found[..., 1], found[..., 2]
 
 
@@ -97,12 +97,12 @@ def family(lengths: ArrayLike) -> NDArray[np.object_]:
     Shape (...). Law: the same for ``k * lengths`` with any power of two k, and for exchanged coupler and rocker except
     that double-rocker and rocker-crank change places.
     """
-    scaled = _scaled(lengths)[0]
-    a, b, c = grashof_excesses(scaled)
+    lengths = np.asarray(lengths, dtype=float)
+    a, b, c = grashof_excesses(lengths)
     smallest = np.min(np.abs([a, b, c]), axis=0)
     signs = 4 * (a > 0) + 2 * (b > 0) + (c > 0)
     names = np.empty(np.shape(a), dtype=object)
-    names[...] = _BY_SIGNS[np.where(smallest <= _AT_CHANGE_POINT * scaled.max(axis=-1), _CHANGE_POINT, signs)]
+    names[...] = _BY_SIGNS[np.where(smallest <= _AT_CHANGE_POINT * lengths.max(axis=-1), _CHANGE_POINT, signs)]
     return names
 
 

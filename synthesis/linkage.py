@@ -619,10 +619,11 @@ class Linkage:
 
     def transmission_angle_over(self, interval: Interval) -> float:
         """Return the exact smallest transmission angle over an interval of the coordinate; NaN if the loop opens in it."""
-        if not self.closes_over(interval):
-            return math.nan
         first, last = float(interval.first), float(interval.last)
-        return float(np.min(self.body([first, last, *self._extreme_positions(first, last)]).transmission_angle))
+        if self._apart(first, last):
+            return math.nan
+        positions = np.array([first, last, *self._extreme_positions(first, last)])
+        return float(np.min(self._poses(positions, self.branch).transmission_angle))
 
     def transmission_angle_min(self, interval: Interval) -> float:
         """Return the smallest transmission angle over travel from the first sample; NaN if the loop opens."""

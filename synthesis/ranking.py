@@ -186,15 +186,15 @@ def distinct(
     for answer in sorted(answers, key=order):
         if len(chosen) == top:
             break
-        identity, objective = answer.identity, answer.errors.objective
+        identity, looks, objective = answer.identity, answer.looks, answer.errors.objective
         if chosen:
             gap = np.max(np.abs(identities - identity) / np.maximum(1.0, np.abs(identity)), axis=1)
             same_basin = (objective >= exact) & (objective <= (1 + _AS_GOOD) * objectives) & (gap <= _SIMILAR)
-            alike = (apart > SAME) & (np.max(np.abs(appearances - answer.looks), axis=1) < 1)
+            alike = (apart > SAME) & (np.max(np.abs(appearances - looks), axis=1) < 1)
             if np.any((gap <= apart) | same_basin | alike):
                 continue
         chosen.append(answer)
-        appearances = np.vstack([appearances, answer.looks]) if appearances.size else answer.looks[None, :]
+        appearances = np.vstack([appearances, looks]) if appearances.size else looks[None, :]
         identities = np.vstack([identities, identity]) if identities.size else identity[None, :]
         objectives = np.append(objectives, objective)
     return chosen
@@ -234,8 +234,7 @@ class Score:
     def merit(self) -> float:
         """See `merit`."""
         swing = self.swing if np.isfinite(self.swing) else 0.0
-        columns = np.array([[self.size], [self.transmission], [swing], [self.ratio]])
-        return float(merit(*columns)[0])
+        return float(merit(self.size, self.transmission, swing, self.ratio))
 
     @property
     def counted_error(self) -> float:
@@ -253,7 +252,7 @@ def counted_error(error: float, proportion: float, longest: float) -> float:
     return max(NEAR, PENALTY_FACTOR * error) if error > 0 and proportion > longest else error
 
 
-def merit(size: Floats, transmission: Floats, swing: Floats, ratio: Floats) -> Floats:
+def merit(size: Floats | float, transmission: Floats | float, swing: Floats | float, ratio: Floats | float) -> Floats:
     """Rate exact linkages by their practicality; lower is better.
 
     The merit is the size, increased by four factors: a steep one below a transmission angle of 40 degrees and a
@@ -262,11 +261,11 @@ def merit(size: Floats, transmission: Floats, swing: Floats, ratio: Floats) -> F
 
     Parameters
     ----------
-    size : ndarray
+    size : ndarray or float
         Largest length of the linkage over the extent of the motion, see `synthesis.scores.size_of`.
-    transmission, swing : ndarray
+    transmission, swing : ndarray or float
         Smallest transmission angle over the motion, and the swing of the crank, in radians.
-    ratio : ndarray
+    ratio : ndarray or float
         Longest link over the shortest.
 
     Returns

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from synthesis.arrays import Flags, Floats
-from synthesis.defects import shared_positions, verdict
+from synthesis.defects import passage, shared_positions
 from synthesis.excursions import LEAVES_SAMPLES, excursions_of
 from synthesis.guides import Circle
 from synthesis.linkage import Linkage
@@ -131,15 +131,16 @@ def usable_solutions(
 
 
 def passing(samples: Poses | Target) -> dict[str, bool]:
-    """Return the order of passage as arguments of `synthesis.defects.verdict`."""
+    """Return the order of passage as arguments of `synthesis.defects.passage`."""
     return {"ordered": samples.ordered, "closed": samples.closed} if isinstance(samples, Poses) else {"timed": True}
 
 
 def _is_driven(solution: Solution, samples: Poses | Target) -> bool:
     """Check that the drive moves a linkage through the samples, and not near a change point."""
-    passed = verdict(solution.linkage, solution.linkage.start + solution.travel, **passing(samples))
+    linkage = solution.linkage
+    passed = passage(linkage, linkage.start + solution.travel, linkage.branch, **passing(samples))
     near_change = passed.uncertain and solution.transmission_angle_min < NEAR_CHANGE_POINT
-    return passed.order and passed.branch and passed.circuit and not near_change
+    return passed.driven and not near_change
 
 
 def _leaves_path(found: Sequence[Solution], poses: Poses) -> Flags:

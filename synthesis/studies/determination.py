@@ -1,6 +1,6 @@
 """Determination of the lengths of a four-bar by a motion, from the singular values of the motion's derivatives.
 
-The unknowns are the dimensions of both guides over the linkage's size, and the drive at the first sample, or at every
+The unknowns are the lengths and the mounting over the linkage's size, and the crank angle at the first sample, or at every
 sample if the crank angles were found with the linkage. Lengths and pivots that the limits give are held.
 """
 
@@ -13,10 +13,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from synthesis.arrays import Floats
+from synthesis.four_bar import close_loop
 from synthesis.limits import LINKS, PIVOTS
 from synthesis.linkage import Linkage
-from synthesis.studies.sensitivity import guide_dimensions, length_changes, motion_derivatives, null_space
+from synthesis.studies.sensitivity import weighted, without_drive
 from synthesis.target import Target
+
+_UNKNOWNS = (*LINKS, "start", "turn", "offset", "body point", "body point", "pivot", "pivot")
+"""Lengths, crank angle at the first sample, directions of ground and body, x and y of the body point and of a fixed pivot."""
+_ARE_LENGTHS = np.array([name not in ("start", "turn", "offset") for name in _UNKNOWNS])
 
 _FREE = 1e3
 """Relative uncertainty of a length above which the motion does not determine it."""
@@ -59,29 +64,38 @@ def determinations(
     held : sequence of str
         Names of the lengths and fixed pivots that are given, which the motion does not have to determine.
     """
-    rows = enumerate(zip(linkages, resolutions))
-    return [_determination(target.one_of(k), linkage, resolution, held) for k, (linkage, resolution) in rows]
-
-
-def _determination(target: Target, linkage: Linkage, resolution: float, held: Sequence[str]) -> Determination:
-    given, size = [name in held for name in LINKS], linkage.reach
-    units = [
-        pair
-        for _, pair in guide_dimensions(linkage)
-        if not any(name in held and unit.fixed for name, unit in zip(PIVOTS, pair))
-    ]
-    scale = np.append(np.full(len(units), size), 1.0)[: len(units) + (not target.found)]
-    derivatives = motion_derivatives(target, linkage, target.crank, units, free=target.found)
-    matrix = np.nan_to_num(derivatives.reshape(scale.size, -1).T) * scale
-    changes = length_changes(linkage, units)
-    lengths = np.array([changes[name] for name in LINKS]) * size / np.array(linkage.links)[:, None]
+    columns = [(each.links, each.branch, each.start, each.ground_angle, each.arm, each.reach) for each in linkages]
+    links, branch, start, turn, arm, size = map(np.array, zip(*columns))
+    loop, ground, arm = close_loop(links, start[:, None] + target.crank), np.exp(1j * turn)[:, None], arm[:, None]
+    pin, body = (ground * np.exp(1j * angle) for angle in (loop.crank_angle, loop.coupler_angle(branch)))
+    held_a, held_b = (name in held for name in PIVOTS)
+    slopes = np.moveaxis(loop.coupler_angle_gradient(branch), -1, 0)
+    moves = 1j * arm * body * slopes
+    moves[0] += pin
+    moves[3] -= held_b * ground  # the ground turns and grows about the pivot that is given
+    moves[4] += 1j * links[:, :1] * pin
+    around = links[:, :1] * pin + arm * body - held_b * links[:, 3:] * ground
+    still, one = np.zeros(body.shape), np.ones(body.shape)
+    turned = np.stack([*slopes, one, one, *[still] * 4])
+    rows = weighted(target, turned, np.stack([*moves, 1j * around, still, body, 1j * body, one, 1j * one]))
+    rows *= np.where(_ARE_LENGTHS[:, None], size, 1.0)[..., None, None]
+    fixed = {*held}
+    if target.found:
+        rows = without_drive(rows, rows[4])
+        fixed.add("start")
+    if held_a or held_b:
+        fixed.add("pivot")
+    if held_a and held_b:
+        fixed |= {"ground", "turn"}
+    free = [name not in fixed for name in _UNKNOWNS]
+    matrix = np.nan_to_num(rows[free]).reshape(sum(free), len(links), -1).transpose(1, 2, 0)
+    lengths = np.eye(4, len(_UNKNOWNS)) * (size[:, None] / links)[..., None]
     if target.position is None:  # then the ground is the unit of length
-        lengths = lengths - lengths[3]
-    lengths = np.pad(lengths, ((0, 0), (0, scale.size - len(units))))
-    free = null_space(lengths[given])
-    lengths = lengths @ free
-    lengths[given] = 0.0
-    return Determination(uncertainties(matrix @ free, lengths, resolution), resolution)
+        lengths = lengths - lengths[:, 3:]
+    return [
+        Determination(row, resolution)
+        for row, resolution in zip(uncertainties(matrix, lengths[..., free], resolutions), resolutions)
+    ]
 
 
 def uncertainties(matrix: Floats, lengths: Floats, resolution: ArrayLike) -> Floats:

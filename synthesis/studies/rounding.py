@@ -31,12 +31,13 @@ from synthesis.solution import Solution, assess, target_of
 from synthesis.studies.sensitivity import (
     Deviation,
     Deviations,
+    derivatives,
     deviated,
     guide_dimensions,
     length_changes,
-    motion_derivatives,
     null_space,
     weighted,
+    without_drive,
 )
 from synthesis.target import TURN, Interval, Samples, Target
 from synthesis.violations import violations_of
@@ -407,7 +408,12 @@ class _Fit:
 
     def _derivatives(self, linkage: Linkage, units: Sequence[Deviations], travel: Floats) -> Floats:
         """Return the derivatives of the weighted errors by all unknowns, (unknowns, rows N)."""
-        found = motion_derivatives(self.samples, linkage, travel, units, free=not self.timed)
+        coordinate = linkage.start + travel
+        positions, rotations = derivatives(linkage, coordinate, units)
+        rates = linkage.rates(coordinate)
+        found = weighted(self.samples, rotations, positions)
+        drive = weighted(self.samples, rates.rotation, rates.position)
+        found = np.concatenate([found, drive[None]]) if self.timed else without_drive(found, drive)
         scale = np.array([1.0 if any(change.direction for change in pair) else self.size for pair in units])
         if self.timed:
             scale = np.append(scale, 1.0 if linkage.driver.turns else self.size)

@@ -147,36 +147,10 @@ def weighted(samples: Samples, turned: Floats, moved: Complexes) -> Floats:
     return np.stack(rows, axis=-2)
 
 
-def motion_derivatives(
-    samples: Samples, linkage: Linkage, travel: Floats, units: Sequence[Deviations], free: bool
-) -> Floats:
-    """Return the derivatives of the motion by unit changes of the guides, in the measure of the objective.
-
-    Parameters
-    ----------
-    samples : Samples
-    linkage : Linkage
-    travel : ndarray, shape (N,)
-        Travel of the drive from the first sample.
-    units : sequence of two Deviation each
-        Unit changes of both guides, k of them.
-    free : bool
-        The drive is free at each sample: the changes that it could undo there are projected out. Otherwise the derivatives by
-        the drive at the first sample follow those by the units.
-
-    Returns
-    -------
-    ndarray, shape (k, rows, N) or (k + 1, rows, N)
-        NaN at a dead position.
-    """
-    coordinate = linkage.start + travel
-    positions, rotations = derivatives(linkage, coordinate, units)
-    rates = linkage.rates(coordinate)
-    matrix, drive = weighted(samples, rotations, positions), weighted(samples, rates.rotation, rates.position)
-    if not free:
-        return np.concatenate([matrix, drive[None]])
-    square = np.sum(drive**2, axis=0)
-    return matrix - drive * (np.sum(matrix * drive, axis=1) / np.where(square > 0, square, 1.0))[:, None]
+def without_drive(matrix: Floats, drive: Floats) -> Floats:
+    """Project derivatives (..., rows, N) onto the changes that a drive with derivatives ``drive`` could not undo."""
+    square = np.sum(drive**2, axis=-2)
+    return matrix - drive * (np.sum(matrix * drive, axis=-2) / np.where(square > 0, square, 1.0))[..., None, :]
 
 
 def derivatives(linkage: Linkage, coordinate: Floats, changes: Sequence[Deviations]) -> tuple[Complexes, Floats]:
