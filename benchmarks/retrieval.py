@@ -24,12 +24,18 @@ from threadpoolctl import threadpool_limits
 import linkage_atlas as la
 from benchmarks import report
 from benchmarks.scan_times import CLASSES, request
+from synthesis.four_bar import coupler_angle
+from synthesis.fourbar.mechanism import coupler_turns
 from synthesis.search.error_table import ErrorTable
 
 LARGE_SAMPLES = 128
 PLAIN_TYPES = 8192
 """Types of which the plain product is timed; its time is proportional to their number."""
 PLAIN_AT_ONCE = 512
+HARMONICS = np.array([5, 8, 12, 16, 24, 32, 64])
+"""Lengths of series to choose from."""
+SERIES_ERROR = 3e-7
+"""Largest sum of the amplitudes that a series leaves out, in radians, unless it is the longest."""
 
 
 def times_of(python: str, path: Path, requests: int) -> list[dict[str, Any]]:
@@ -40,13 +46,23 @@ def times_of(python: str, path: Path, requests: int) -> list[dict[str, Any]]:
     return found
 
 
+def harmonics_of(lengths: Any) -> Any:
+    """Return the length of the series of theta2 that each type needs, (T,)."""
+    crank = np.arange(256) * (2 * np.pi / 256)
+    periodic = coupler_angle(lengths, np.ones(len(lengths)), crank) - coupler_turns(lengths)[:, None] * crank
+    size = 2 * np.abs(np.fft.rfft(periodic, axis=1)) / 256
+    left_out = np.cumsum(size[:, ::-1], axis=1)[:, ::-1][:, HARMONICS[:-1] + 1]
+    return HARMONICS[np.sum(left_out > SERIES_ERROR, axis=1)]
+
+
 def measure_plain(lengths: Any) -> list[float]:
     """Return the milliseconds of a plain matrix product over all windows, for each class, from a part of the types."""
     chosen = np.sort(np.random.default_rng(1).permutation(len(lengths))[:PLAIN_TYPES])
-    parts = [
-        ErrorTable(lengths[part].astype(float), 360, 256, 3e-7, (5, 8, 12, 16, 24, 32, 64), positions=False)
-        for part in np.array_split(chosen, max(1, chosen.size // PLAIN_AT_ONCE))
-    ]
+    harmonics, parts = harmonics_of(lengths[chosen].astype(float)), []
+    for count in np.unique(harmonics).tolist():
+        rows = chosen[harmonics == count]
+        for part in np.array_split(rows, -(-rows.size // PLAIN_AT_ONCE)):
+            parts.append(ErrorTable(lengths[part].astype(float), 360, 256, count))
     times = []
     for samples, span in CLASSES:
         target, runs = request(samples, span, 0), []
