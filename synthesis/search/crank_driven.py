@@ -60,14 +60,6 @@ class CrankDriven(SearchProblem):
 
     # -- to be known by the timing ----------------------------------------------------------------------------------
 
-    def signature(self, pool: Pool) -> tuple[Floats, Floats]:
-        """Return numbers (n, m) that differ between basins, and the scale (n,) of their differences."""
-        raise NotImplementedError
-
-    def complete(self, pool: Pool) -> Pool:
-        """Refine candidates of the search on all samples."""
-        raise NotImplementedError
-
     def at_search_samples(self, timed: Timed) -> Timed:
         """Return candidates at all samples as candidates of the search."""
         raise NotImplementedError
