@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthesis.arrays import Floats
-from synthesis.descents import Pool, Stage, Timed
+from synthesis.descents import Stage, Timed
 from synthesis.four_bar import grashof_excesses, wrap
 from synthesis.fourbar.mechanism import AnyChart, Bounded, GrashofChart, mounted, search_spaces
 from synthesis.free.dyads import chart_of
@@ -306,7 +306,7 @@ def refine_poses(
         if timed is None:
             continue
         problem = JointProblem(poses, chart_of(limits.family))
-        pool, chart = _as_it_is(problem, timed), problem.chart
+        pool, chart = problem.measured(timed, posed=False), problem.chart
         if start is linkage:
             unchanged, seconds = (
                 solutions_of(poses, pool, chart, Limits(family=limits.family), 1, tolerance),
@@ -329,7 +329,7 @@ def crank_angles_at(poses: Poses, linkage: Linkage) -> Floats | None:
     timed = _candidates_of(poses, limits, linkage, None)
     if timed is None:
         return None
-    pool = _as_it_is(JointProblem(poses, chart_of(limits.family)), timed)
+    pool = JointProblem(poses, chart_of(limits.family)).measured(timed, posed=False)
     angles = pool.timed.angles[int(np.argmin(pool.cost))]
     return np.asarray(angles - angles[0] + wrap(angles[0] - linkage.start))
 
@@ -342,18 +342,13 @@ def nearby_poses(
     if timed is None:
         return []
     chart = chart_of(limits.family)
-    unmoved = _as_it_is(JointProblem(poses, chart), timed)
+    unmoved = JointProblem(poses, chart).measured(timed, posed=False)
     if unmoved.min_error < tolerance and (accurate := solutions_of(poses, unmoved, chart, limits, 1, tolerance)):
         return accurate
     problem = limited_problem(poses, chart, limits)
     moved = problem.descended(timed, OPTIONS.nearby_stages, tolerance, work, OPTIONS.nearby_damping)
     pool, _ = problem.moved_onto(moved.timed)
     return solutions_of(poses, pool.joined(unmoved), chart, limits, 1, tolerance)
-
-
-def _as_it_is(problem: JointProblem, timed: Timed) -> Pool:
-    """Evaluate candidates in their own pose."""
-    return problem.measured(timed, posed=False)
 
 
 def _candidates_of(poses: Poses, limits: Limits, linkage: Linkage, crank: Floats | None) -> Timed | None:
@@ -372,12 +367,12 @@ def _candidates_of(poses: Poses, limits: Limits, linkage: Linkage, crank: Floats
         if poses.ordered:
             return candidates
         # in any order all arcs contain the samples, but an arc may violate limits that another arc satisfies
-        accepted = within_limits(poses, limits, _as_it_is(problem, candidates), problem.chart)
+        accepted = within_limits(poses, limits, problem.measured(candidates, posed=False), problem.chart)
         return candidates.take([int(accepted.argmax())])
 
     if crank is not None:
         candidates = at(linkage.start + crank[: poses.samples])
-        if np.isfinite(_as_it_is(problem, candidates).cost).all():
+        if np.isfinite(problem.measured(candidates, posed=False).cost).all():
             return candidates
     begins = [at(angles) for angles in _fitting(poses if attached else replace(poses, rotation=None), linkage)]
     if not begins:
