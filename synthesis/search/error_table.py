@@ -38,8 +38,16 @@ def _real_series(values: Floats, harmonics: int) -> tuple[Floats, Floats]:
 class ErrorTable:
     """Types of four-bars as short series, prepared once.
 
-    ``lengths`` (T, 4): types whose crank turns fully. ``starts``: starts over the turn, evenly spaced from 0. ``samples``:
-    samples of a curve over the turn, from which its series is computed. ``harmonics``: length of the series of theta2.
+    Parameters
+    ----------
+    lengths : ndarray, shape (T, 4)
+        Types whose crank turns fully.
+    starts : int
+        Starts over the turn, evenly spaced from 0.
+    samples : int
+        Samples of a curve over the turn, from which its series is computed.
+    harmonics : int
+        Length of the series of theta2.
     """
 
     def __init__(self, lengths: Floats, starts: int, samples: int, harmonics: int) -> None:
