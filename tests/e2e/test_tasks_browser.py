@@ -578,7 +578,6 @@ SVG = '<svg xmlns="http://www.w3.org/2000/svg"><script>window.bad = 1</script><r
 
 def test_a_body_has_an_outline_and_a_picture_lies_behind_it(page, tmp_path) -> None:
     for name, content, wide in (("a.dxf", DXF, 50), ("b.svg", SVG, 50)):
-        page.load()
         file = tmp_path / name
         file.write_text(content)
         page.click("show-menu")
@@ -588,7 +587,7 @@ def test_a_body_has_an_outline_and_a_picture_lies_behind_it(page, tmp_path) -> N
         assert at_rest / page.view()[2] == pytest.approx(wide, rel=0.02)
         assert page.run("return window.bad") is None
         assert page.count("[data-layer=body] path") == 1
-    page.load()
+        page.load()
     page.click("show-menu")
     page.find("picture-file").send_keys(str(ROOT / "docs/img/page.png"))
     page.wait("!document.getElementById('backdrop').hidden")
