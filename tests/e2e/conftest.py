@@ -27,11 +27,16 @@ NO_FORM_FILLING = {
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Run browser tests first, and in each file the tests that share a page before the tests that load a page."""
+    """Run browser tests first, and in each file the tests that share a page before the tests that load a page.
+
+    Tests of the documents follow, which are long too: no process shall be alone with a long file at the end.
+    """
+    here = Path(__file__).parent
 
     def order(item: pytest.Item) -> tuple[Any, ...]:
-        here = item.path.parent == Path(__file__).parent
-        return (0, item.path, "shared" not in item.fixturenames) if here else (1,)
+        if item.path.parent == here:
+            return (0, item.path, "shared" not in item.fixturenames)
+        return (1 if item.path.parent == here.parent else 2,)
 
     items.sort(key=order)
 
