@@ -28,10 +28,12 @@ class RankedSolutions(NamedTuple):
 
 
 def finish_candidates(task: Task, candidates: Candidates) -> list[Solution]:
-    """Describe the candidates as solutions: the best in any case, the others while there is time."""
-    found, studies, work = candidates.found, candidates.studies, task.work.extended(FINISHING)
+    """Describe the candidates as solutions: the best in any case, then the one with the smallest error, the others in time."""
+    studies, work = candidates.studies, task.work.extended(FINISHING)
+    first, smallest = candidates.found[:1], candidates.ranking.smallest_error(candidates.found)
+    found = sorted(candidates.found[1:], key=lambda solution: solution is not smallest)
     type_of = None if task.atlas is None else task.atlas.type_of
-    return finished(found, task.motion, task.limits, task.tolerance, studies, type_of, work)
+    return finished([*first, *found], task.motion, task.limits, task.tolerance, studies, type_of, work)
 
 
 def rank_solutions(task: Task, candidates: Candidates, solutions: list[Solution]) -> RankedSolutions:

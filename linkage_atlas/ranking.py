@@ -38,7 +38,7 @@ _DIVERSE_LOSS = 2.0
 """Largest ratio of the objective of a diverse linkage to the best objective."""
 _SAME = 1e-3
 """Relative difference of all measures of two linkages that are shown once."""
-_AS_GOOD = 1.02
+_AS_GOOD = 1.01
 """Ratio of errors that makes no practical difference."""
 _ROUNDING = 1e-9
 """Relative excess of an error that counts as within a tolerance."""
@@ -191,10 +191,14 @@ class Ranking:
     def smallest_error(self, found: Sequence[Solution]) -> Solution | None:
         """Return the linkage with the smallest error, or None without linkages.
 
-        Unless the error is preferred, linkages that cannot be used are only considered if no other linkage was found.
+        Linkages that cannot be used are only considered if no other linkage was found. If the error is preferred, this concerns
+        only linkages that leave the path between samples.
         """
-        usable = [solution for solution, use in zip(found, self.usable(found)) if use and self.prefer != "error"]
-        return min(usable or found, key=lambda solution: solution.errors.objective, default=None)
+        facts = self._examined(found)
+        wanted = [
+            solution for solution, score, _ in facts if (score.usable or self.prefer == "error") and not score.strays
+        ]
+        return min(wanted or found, key=lambda solution: solution.errors.objective, default=None)
 
     def marked(self, shown: Sequence[Solution]) -> Solution | None:
         """Return the shown linkage with the smallest error; None if a linkage with a clearly smaller error is not shown."""

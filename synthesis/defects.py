@@ -35,7 +35,7 @@ NEAR_CHANGE_POINT = 1e-6
 """Relative distance from a change point below which manufacturing tolerances decide on which circuit a linkage is."""
 NAMED = 3
 """Number of samples, or pairs of neighbours, that a reason names; it counts the others."""
-_ONE_POSITION, _ALIKE = 1e-5, 1e-3
+ONE_POSITION, _ALIKE = 1e-5, 1e-3
 """Fraction of the travel within which drive positions are equal; difference of distinct samples, radians or extents."""
 
 
@@ -320,7 +320,7 @@ def shared_positions(motion: Target, turns: bool = True) -> list[str]:
     turns : bool
         The positions are angles, and count modulo a turn.
     """
-    resolution = _ONE_POSITION * np.ptp(motion.crank)
+    resolution = ONE_POSITION * np.ptp(motion.crank)
     drive = motion.crank % TURN if turns else motion.crank
     order = np.argsort(drive, kind="stable")
     step = np.diff(drive[order], append=drive[order[0]] + TURN if turns else np.inf)

@@ -219,6 +219,8 @@ class Score:
     """Swing of the crank or hinge in radians; infinite for a drive that slides."""
     ratio: float
     """Longest link over the shortest."""
+    strays: bool = False
+    """True if it leaves the path between samples, or the body turns otherwise; it cannot be used then."""
     accurate: bool = True
     """True if its error is small enough for the preference to count."""
     longest: float = np.inf

@@ -47,17 +47,19 @@ def scores_of(
     within_tolerances : sequence of bool, optional
         See `usable_solutions`.
     """
-    exact = exact_below(samples, tolerance)
+    exact, strays = exact_below(samples, tolerance), straying(found, samples)
+    usable = usable_solutions(found, samples, strays, within_tolerances)
     return [
         Score(
-            usable=bool(usable),
+            usable=bool(can_be_used),
+            strays=bool(leaves),
             error=0.0 if solution.errors.objective < exact else solution.errors.objective,
             transmission=solution.transmission_angle_min,
             size=relative_size(solution, samples),
             swing=swing_of(solution),
             ratio=solution.linkage.link_ratio,
         )
-        for solution, usable in zip(found, usable_solutions(found, samples, within_tolerances))
+        for solution, can_be_used, leaves in zip(found, usable, strays)
     ]
 
 
@@ -110,24 +112,30 @@ def proportion(linkage: Linkage, samples: Samples) -> float:
 
 
 def usable_solutions(
-    found: Sequence[Solution], samples: Poses | Target, within_tolerances: Sequence[bool] | None = None
+    found: Sequence[Solution], samples: Poses | Target, strays: Flags, within_tolerances: Sequence[bool] | None = None
 ) -> Flags:
     """Check which solutions can be used, (n,): see the first criterion of `synthesis.ranking.CRITERIA`.
 
     ``within_tolerances``: two samples may share a position of the drive in a linkage that satisfies the tolerances there.
     """
-    usable = np.array([_is_driven(solution, samples) for solution in found], dtype=bool)
+    usable = ~strays & np.array([_is_driven(solution, samples) for solution in found], dtype=bool)
     if not isinstance(samples, Poses):
         return usable
-    if samples.position is not None:
-        for first in range(0, len(found), _AT_ONCE):
-            usable[first : first + _AT_ONCE] &= ~_leaves_path(found[first : first + _AT_ONCE], samples)
     rotation = (samples.requested or samples).rotation
     for k, solution in enumerate(found):
         tolerated = within_tolerances is not None and within_tolerances[k]
         if usable[k] and not tolerated:
             usable[k] = not shared_positions(samples.timed(solution.travel, rotation), solution.linkage.driver.turns)
     return usable
+
+
+def straying(found: Sequence[Solution], samples: Poses | Target) -> Flags:
+    """Check whether each body point leaves the path between samples, or the body turns differently from the request, (n,)."""
+    strays = np.zeros(len(found), dtype=bool)
+    if isinstance(samples, Poses) and samples.position is not None:
+        for first in range(0, len(found), _AT_ONCE):
+            strays[first : first + _AT_ONCE] = _leaves_path(found[first : first + _AT_ONCE], samples)
+    return strays
 
 
 def passing(samples: Poses | Target) -> dict[str, bool]:

@@ -8,6 +8,7 @@ from math import radians
 import numpy as np
 
 from synthesis.arrays import Flags, Floats
+from synthesis.defects import ONE_POSITION
 from synthesis.descents import Pool, Timed
 from synthesis.excursions import LEAVES_SAMPLES, SHORTEST_CHORD
 from synthesis.free.joint import JointProblem
@@ -19,6 +20,7 @@ from synthesis.poses import Poses
 from synthesis.search.crank_driven import CrankDriven, Refinements
 from synthesis.search.multistart import Incumbents, MultiStart
 from synthesis.search.options import SELECTED_EARLY, Schedule, SearchOptions
+from synthesis.target import TURN
 from synthesis.work import Work
 
 
@@ -101,6 +103,12 @@ class FreeTiming(CrankDriven):
         poses, problem = (self.poses, self.plain) if at_all else (self.thin, self.search)
         excursion, rotation = problem.excursions(timed, SHORTEST_CHORD, self.options.panel)
         return np.asarray((excursion > LEAVES_SAMPLES) | poses.turned_otherwise(rotation))
+
+    def usable(self, pool: Pool) -> Flags:
+        """Return whether answers pass the samples at different crank angles, (n,)."""
+        drive = np.sort(pool.timed.angles % TURN, axis=1)
+        gaps = np.diff(drive, axis=1, append=drive[:, :1] + TURN)
+        return np.asarray(gaps.min(axis=1) > ONE_POSITION * np.ptp(pool.timed.angles, axis=1))
 
     def perturbed_angles(self, timed: Timed) -> Floats:
         """Return crank angles with another start and another span."""

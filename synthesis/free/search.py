@@ -144,10 +144,17 @@ def _best(found: Sequence[Solution], poses: Poses, top: int, tolerance: float) -
     keys = [key(score, "error") for score in scores]
     ranked = [found[k] for k in sorted(range(len(found)), key=keys.__getitem__)]
     chosen = distinct(ranked, top, APART, order=lambda _: 0, exact=tolerance)
-    smallest = min(found, key=lambda solution: solution.errors.objective, default=None)
-    if smallest is None or top < 2 or any(solution is smallest for solution in chosen):
+    if top < 2:
         return chosen
-    return [*chosen[: top - 1], smallest] if len(chosen) == top else chosen
+    strays = {id(solution): score.strays for solution, score in zip(found, scores)}
+
+    def error(solution: Solution) -> tuple[bool, float]:
+        return strays[id(solution)], max(solution.errors.objective, tolerance)
+
+    smallest = min(found, key=error, default=None)
+    if smallest is None or error(smallest) == min(map(error, chosen)):
+        return chosen
+    return [*chosen[: top - 1], smallest]
 
 
 def in_turn(crank: Floats, ordered: bool) -> Floats:

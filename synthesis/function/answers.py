@@ -9,12 +9,14 @@ from typing import NamedTuple
 import numpy as np
 
 from synthesis.arrays import Floats
+from synthesis.four_bar import Family
 from synthesis.function.laws import ANGLE, FOUR_BAR, FunctionLimits
 from synthesis.function.problem import AnyLaw, FunctionProblem
 from synthesis.function.target_function import TargetFunction
 from synthesis.limits import in_family
 from synthesis.linkage import Linkage
 from synthesis.pose import whole_turns
+from synthesis.scores import NEAR_CHANGE_POINT
 from synthesis.solution import identity_of, looks_of
 from synthesis.target import TURN, Interval
 
@@ -34,6 +36,8 @@ class ExtremeOptions:
 
 
 OPTIONS = ExtremeOptions()
+LOCKED = float(np.deg2rad(5.0))
+"""Transmission angle below which a linkage nearly locks."""
 
 
 class FunctionErrors(NamedTuple):
@@ -78,6 +82,12 @@ class Generator:
     def looks(self) -> Floats:
         """Return numbers that differ by less than 1 for linkages whose pictures look the same."""
         return looks_of(self.linkage)
+
+    @property
+    def usable(self) -> bool:
+        """True if the rocker of a four-bar stays away from dead positions and from a change point."""
+        change_point = self.linkage.family is Family.CHANGE_POINT
+        return self.transmission_angle_min >= (NEAR_CHANGE_POINT if change_point else LOCKED)
 
     def mirrored(self) -> Generator:
         """Return the four-bar in a mirror, for the mirrored function."""

@@ -8,7 +8,6 @@ from functools import partial
 
 import numpy as np
 
-from synthesis.four_bar import Family
 from synthesis.function.answers import Generator, exchanged_back, fraction_back, generators_of
 from synthesis.function.few_pairs import HARDLY_BACK, MOST_PAIRS, exact_functions, function_merit, is_few
 from synthesis.function.laws import FOUR_BAR, FunctionLimits
@@ -17,7 +16,6 @@ from synthesis.function.search import FunctionSearch, FunctionTask
 from synthesis.function.target_function import TargetFunction
 from synthesis.limits import Limits
 from synthesis.ranking import APART, PROPORTION, Status, counted_error, distinct
-from synthesis.scores import NEAR_CHANGE_POINT
 from synthesis.search.report import SearchReport, StoppedBy, fallen, stopped_by
 from synthesis.search.search import search
 from synthesis.search.seeds import SeedTables
@@ -34,8 +32,6 @@ class GeneratorOptions:
     """Smallest number of candidates for the answers, among which exact linkages are ordered by merit."""
     usable: float = float(np.deg2rad(20.0))
     """Transmission angle of an exact four-bar above which nothing else is searched."""
-    locked: float = float(np.deg2rad(5.0))
-    """Transmission angle below which a linkage nearly locks."""
     spare: int = 4
     """Number of further answers of a law, because some prove to lie in the same basin."""
     answer_max: float = 0.1
@@ -78,7 +74,7 @@ def generate(tables: SeedTables, task: FunctionTask, top: int) -> tuple[list[Gen
             return few[:top], SearchReport(StoppedBy.TOLERANCE, trace, work.elapsed, len(few))
     found, report = _generate_any(tables, task, max_results)
     found = distinct(few + found, max_results, APART) if few else found
-    if found and not is_usable(min(found, key=_error)) and not work.expired():
+    if found and not min(found, key=_error).usable and not work.expired():
         within = replace(limits, limits=replace(limits.limits, transmission_angle_min=OPTIONS.usable))
         more, _ = _generate_any(tables, task._replace(limits=within), max_results)
         found = distinct(found + more, 2 * max_results, APART)
@@ -169,15 +165,7 @@ def exact_generators(
     found = [generator for generator in generators_of(target, limits, *exact) if _error(generator) < tolerance]
     ranks = {id(generator): rank for rank, generator in enumerate(found)}
     found = distinct(found, max_count, APART, order=lambda generator: ranks[id(generator)], exact=tolerance)
-    return sorted(
-        found, key=lambda generator: (not is_usable(generator), fraction_back(target, generator) > HARDLY_BACK)
-    )
-
-
-def is_usable(generator: Generator) -> bool:
-    """Check that a rocker stays away from dead positions and from a change point."""
-    change_point = generator.linkage.family is Family.CHANGE_POINT
-    return generator.transmission_angle_min >= (NEAR_CHANGE_POINT if change_point else OPTIONS.locked)
+    return sorted(found, key=lambda generator: (not generator.usable, fraction_back(target, generator) > HARDLY_BACK))
 
 
 def best_built(
@@ -185,8 +173,9 @@ def best_built(
 ) -> list[Generator]:
     """Return the leading answers: exact linkages by merit, others by `counted_error`.
 
-    The linkage with the smallest error is among the first two. Exact linkages whose rocker turns back on the way come
-    behind the other exact linkages, and linkages that cannot be used come last. ``sized``: see `function_merit`.
+    The linkage with the smallest error is among the first two, or if it cannot be used the last. Exact linkages whose rocker
+    turns back on the way come behind the other exact linkages, and linkages that cannot be used come last. ``sized``: see
+    `function_merit`.
     """
     if not found:
         return []
@@ -199,12 +188,13 @@ def best_built(
 
     def key(generator: Generator) -> tuple[bool, float]:
         own = 0.0 if _error(generator) < tolerance else _error(generator)
-        return not is_usable(generator), counted_error(own, generator.linkage.link_ratio, PROPORTION)
+        return not generator.usable, counted_error(own, generator.linkage.link_ratio, PROPORTION)
 
     ordered = sorted(ranked, key=key)
     built = [generator for generator in ordered if generator.linkage.link_ratio <= PROPORTION]
     best = ranked[0] if exact else min(ranked, key=_error)
     # only the best of the linkages out of proportion is listed
-    if built and all(generator is not best for generator in built):
-        built.insert(0 if best is ordered[0] else 1 if is_usable(best) else top - 1, best)
-    return (built or ordered)[:top]
+    listed = (built or ordered)[:top]
+    if all(generator is not best for generator in listed):
+        listed.insert(0 if best is ordered[0] else 1 if best.usable else top - 1, best)
+    return listed[:top]

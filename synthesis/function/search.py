@@ -16,12 +16,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from synthesis.arrays import Floats, Ints, rows_at, rows_of_all
+from synthesis.arrays import Flags, Floats, Ints, rows_at, rows_of_all
 from synthesis.constrained_descent import OPTIONS as STEPS
 from synthesis.constrained_descent import Descended, descend
 from synthesis.function.answers import OPTIONS as ANSWERS
 from synthesis.function.answers import Generator, extremes, look, within_limits
-from synthesis.function.laws import ANGLE, FunctionLimits
+from synthesis.function.laws import ANGLE, FOUR_BAR, FunctionLimits
 from synthesis.function.problem import AnyLaw, FunctionProblem, Inputs
 from synthesis.function.target_function import TargetFunction
 from synthesis.least_squares import Evaluation, minimise
@@ -173,6 +173,11 @@ class FunctionSearch(SearchProblem):
     def identity(self, candidates: Candidates) -> Floats:
         """Return numbers that differ between basins, of order 1."""
         return np.column_stack([self.basin_coordinates(candidates.unknowns), candidates.branch])
+
+    def usable(self, candidates: Candidates) -> Flags:
+        """Return whether answers can be used, (n,)."""
+        is_four_bar = self.law is FOUR_BAR
+        return np.array([not is_four_bar or self.answers[k].usable for k in candidates.answer], dtype=bool)
 
     def perturb(self, origins: Candidates, copies: int) -> Candidates:
         """Return no starting points: the seeds cover all basins."""
@@ -337,9 +342,16 @@ class FunctionSearch(SearchProblem):
 
     @property
     def known(self) -> list[Generator]:
-        """Return the best distinct answers found."""
+        """Return the best distinct answers found, the best usable four-bar among them."""
         pool = self.multistart.incumbents.pools.get(None)
-        return [] if pool is None else distinct([self.answers[k] for k in pool.answer], self.top, APART)
+        if pool is None:
+            return []
+        found = distinct([self.answers[k] for k in pool.answer], self.top, APART)
+        usable = [self.answers[k] for k in pool.take(self.usable(pool)).answer]
+        best = min(usable, key=lambda answer: answer.errors.objective, default=None)
+        if best is None or any(answer is best for answer in found):
+            return found
+        return [*found[: max(1, self.top - 1)], best][: self.top]
 
     def best_from(self, unknowns: Floats, branch: Floats) -> list[Generator]:
         """Return the best answers after a round from starting points (n, 5)."""

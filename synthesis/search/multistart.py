@@ -87,6 +87,10 @@ class SearchProblem:
         """Return whether candidates leave the motion between the samples, (n,)."""
         return np.zeros(candidates.cost.size, dtype=bool)
 
+    def usable(self, answers: Candidates) -> Flags:
+        """Return whether answers that do not stray can be used, (n,)."""
+        return np.ones(answers.cost.size, dtype=bool)
+
     def may_answer(self, candidates: Candidates) -> bool:
         """Return whether candidates of a round may be answers before they converge."""
         return True
@@ -372,6 +376,16 @@ class MultiStart(Generic[P]):
             if number == 0 or self._counts:
                 self._add(answers)
 
+    def _with_best(self, chosen: Candidates, known: Candidates) -> Candidates:
+        """Return the best basins with the best answer that can be used, and with the smallest error, in the second place."""
+        counted = self.counted(known)
+        can_be_used = self.problem.usable(known) & (counted == known.cost)
+        for cost in (np.where(can_be_used, known.cost, np.inf), known.cost):
+            best = int(cost.argmin())
+            if np.isfinite(cost[best]) and known.cost[best] not in chosen.cost:
+                chosen = chosen.take(slice(0, 1)).joined(known.take([best]), chosen.take(slice(1, None)))
+        return chosen
+
     def _add(self, answers: Candidates) -> None:
         """Add answers within the limits to the incumbents."""
         key, incumbents = self.problem.key, self.incumbents
@@ -379,13 +393,8 @@ class MultiStart(Generic[P]):
             return
         known = incumbents.pools[key].joined(answers) if key in incumbents.pools else answers
         distinct_answers = self.basins(known, self.options.max_pool, self.options.answer_distance)
-        if self.problem.groups == 1 and _smallest(known) < _smallest(
-            distinct_answers
-        ):  # the best strays, and comes after many others
-            best = known.take([int(known.cost.argmin())])
-            distinct_answers = (
-                distinct_answers.take(slice(0, 1)).joined(best).joined(distinct_answers.take(slice(1, None)))
-            )
+        if self.problem.groups == 1:
+            distinct_answers = self._with_best(distinct_answers, known)
         incumbents.pools[key] = distinct_answers
         before = incumbents.smallest
         np.minimum.at(incumbents.levels[:, 0], self.problem.group(answers), np.sqrt(answers.cost))
