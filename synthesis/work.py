@@ -68,6 +68,7 @@ class Work:
         self._clock = clock
         self._begin = clock()
         self._budget = math.inf if budget is None else budget
+        self._has_result: Callable[[], bool] = lambda: True
 
     def check(self) -> None:
         """Raise `Cancelled` if the result is no longer needed."""
@@ -77,7 +78,7 @@ class Work:
     def expired(self) -> bool:
         """Return True if the budget is used up; raise `Cancelled` like `check`."""
         self.check()
-        return self.elapsed >= self._budget
+        return self.elapsed >= self._budget and self._has_result()
 
     def go_on(self) -> None:
         """Raise `OutOfTime` if the budget is used up, and `Cancelled` like `check`.
@@ -105,6 +106,12 @@ class Work:
     def elapsed(self) -> float:
         """Seconds since the work began."""
         return self._clock() - self._begin
+
+    def awaiting(self, has_result: Callable[[], bool]) -> Work:
+        """Return the same work whose budget ends it only once there is a result."""
+        work = copy(self)
+        work._has_result = has_result
+        return work
 
     def ending_in(self, seconds: float) -> Work:
         """Return the same work that ends after at most ``seconds`` from now."""

@@ -160,5 +160,6 @@ def free_timing(
 ) -> MultiStart[FreeTiming]:
     """Return the search of a problem."""
     options = options or FreeTimingOptions()
-    problem = FreeTiming(poses, limits, chart, incumbents.tolerance, work, samples, within_limits, options)
+    awaited = incumbents.awaited(work) if within_limits else work
+    problem = FreeTiming(poses, limits, chart, incumbents.tolerance, awaited, samples, within_limits, options)
     return MultiStart(problem, incumbents, work, options)

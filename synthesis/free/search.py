@@ -318,7 +318,7 @@ class FreeSearch:
             return self._search_family(family)
         # full cranks first, so that the larger family is never worse; an exact linkage of any family is found at once
         if self.has_dyads:
-            pool, _ = exact_motion(self.poses, family, self.incumbents.tolerance, self.work)
+            pool, _ = exact_motion(self.poses, family, self.incumbents.tolerance, self.incumbents.awaited(self.work))
             if pool.min_error <= self.incumbents.tolerance:
                 self._accept_dyads(pool, family)
         if self.incumbents.reached:
@@ -333,11 +333,12 @@ class FreeSearch:
         starts: list[Timed] = []
         pool = None
         if self.has_dyads:
-            pool, dyads = exact_motion(self.poses, family, incumbents.tolerance, work)
+            awaited = incumbents.awaited(work)
+            pool, dyads = exact_motion(self.poses, family, incumbents.tolerance, awaited)
             self._accept_dyads(pool, family)
             is_known = work.expired() and np.isfinite(pool.min_error)
             if self.limits.only_family and not (incumbents.reached or is_known):
-                pool = near_motion(self.poses, family, dyads, incumbents.tolerance, work).joined(pool)
+                pool = near_motion(self.poses, family, dyads, incumbents.tolerance, awaited).joined(pool)
                 self._accept_dyads(pool, family)
                 # nothing better is to be expected near the motion of a four-bar
                 if not self.poses.ordered or pool.min_error <= options.far:

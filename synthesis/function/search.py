@@ -198,7 +198,7 @@ class FunctionSearch(SearchProblem):
         unknowns, branch = candidates.unknowns, candidates.branch
         radii = np.full(branch.size, STEPS.first_radius)
         for stage in stages:
-            if not branch.size or self.work.expired():
+            if not branch.size or self.multistart.work.expired():
                 return candidates.take([])
             inputs = self.problem.inputs(branch, *self.error_samples(stage.inputs))
             done = self._descended(unknowns, inputs, stage.steps, stage.gain, radii)
@@ -209,7 +209,7 @@ class FunctionSearch(SearchProblem):
             unknowns, branch = done.unknowns[best], branch[best]
             radii = np.maximum(2 * done.radius[best], self.options.radius_min)
             self.multistart.accept(candidates_at(unknowns, branch))
-        if not branch.size or self.work.expired():
+        if not branch.size or self.multistart.work.expired():
             return candidates.take([])
         return candidates_at(self.levelled(unknowns, branch, radii), branch)
 
@@ -307,7 +307,12 @@ class FunctionSearch(SearchProblem):
             return Evaluation(cost, np.where(np.isfinite(cost)[:, None, None], stack, 0.0))
 
         found = minimise(
-            evaluate, unknowns[:, free], np.arange(len(unknowns), dtype=float), steps, 0.3 * self.tolerance, self.work
+            evaluate,
+            unknowns[:, free],
+            np.arange(len(unknowns), dtype=float),
+            steps,
+            0.3 * self.tolerance,
+            self.multistart.work,
         )
         out = unknowns.copy()
         out[:, free] = found.unknowns
@@ -324,7 +329,7 @@ class FunctionSearch(SearchProblem):
             largest=self.largest,
             steps=steps,
             gain=gain,
-            work=self.work,
+            work=self.multistart.work,
             radius=radius,
         )
 
@@ -389,7 +394,7 @@ class FunctionSearch(SearchProblem):
                 self.settled = self.settled or bool(np.any(level & first))
                 keep = ~level
                 rows, peaks, found = rows[keep], peaks[keep], type(found)(*(values[keep] for values in found))
-            if not rows.size or self.work.expired():
+            if not rows.size or self.multistart.work.expired():
                 break
             fixed = np.broadcast_to(coarse, (len(rows), coarse.size))
             angles = np.sort(np.concatenate([found.crank, peaks[:, -ANSWERS.peaks :], fixed], axis=1))

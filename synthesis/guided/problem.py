@@ -227,10 +227,11 @@ class PairProblem(SearchProblem):
 
     def descended(self, starts: Candidates, stages: Sequence[Stage], problem: Problem) -> Candidates:
         """Return candidates after descents in which violated limits weigh more from stage to stage; costs are not updated."""
+        work = self.incumbents.awaited(self.work)
         for stage in stages:
-            if not starts.cost.size or (self.work.expired() and np.isfinite(self.incumbents.smallest)):
+            if not starts.cost.size or work.expired():
                 break
-            pairs, _ = problem.descended(Chart(starts.pairs), labels(starts), stage, self.work)
+            pairs, _ = problem.descended(Chart(starts.pairs), labels(starts), stage, work)
             starts = starts._replace(pairs=pairs)
         return starts
 
@@ -280,10 +281,11 @@ class PairProblem(SearchProblem):
         levels = self.incumbents.levels[:, 0] ** 2
         few = self.body.position.size <= FEW
         count = self.options.examined_of_few if few else self.options.examined
+        work = self.incumbents.awaited(self.work)
         good: list[int] = []
         later: list[int] = []
         for group, own in enumerate(self.best_indices(found, np.where(worst <= 0, found.cost, np.inf), count)):
-            if self.work.expired() and (good or np.isfinite(self.incumbents.smallest)):
+            if work.expired():
                 break
             for index in own.tolist():
                 if found.cost[index] >= levels[group]:
@@ -501,11 +503,10 @@ class DrivenPairProblem(PairProblem):
 
     def timed(self, starts: Candidates, stages: Sequence[Stage]) -> Candidates:
         """Return candidates after descents with the prescribed drive, within the time."""
-        count = max(1, self.options.driven_at_once // self.samples.number)
+        work, count = self.incumbents.awaited(self.work), max(1, self.options.driven_at_once // self.samples.number)
         parts = [self._timed(starts.take(slice(count)), stages)]
         for k in range(count, starts.cost.size, count):
-            known = np.isfinite(self.incumbents.smallest) or any(np.isfinite(part.cost).any() for part in parts)
-            if known and self.work.expired():
+            if work.expired():
                 break
             parts.append(self._timed(starts.take(slice(k, k + count)), stages))
         return parts[0].joined(*parts[1:])
@@ -514,9 +515,10 @@ class DrivenPairProblem(PairProblem):
         at = self.look(starts, self.all, self.options.search_sweeps)
         sign = self._signs(starts, at)
         first, _ = self._timing(at, sign, self.samples.drive)
+        work = self.incumbents.awaited(self.work)
         for stage in stages:
             chart = Chart(starts.pairs)
-            pairs, first = self.driven.descended(chart, labels(starts, sign=sign), stage, self.work, first)
+            pairs, first = self.driven.descended(chart, labels(starts, sign=sign), stage, work, first)
             starts = starts._replace(pairs=pairs)
         at = self.driven.look(Chart(starts.pairs), labels(starts, sign=sign), 12, first)
         return starts._replace(cost=np.where(at.closed, at.cost, np.inf), first=first)

@@ -8,9 +8,9 @@ A round::
 The problem supplies seeds, refinement, perturbation and signature (`SearchProblem`). Its candidates may belong to groups, such
 as kinds of linkages with their drives: each group has its own basins, incumbents and patience, and all share the rounds.
 
-Budget, cancellation and monotonicity belong to this module: incumbents only improve, no round depends on the time, and a
-refinement that the time cut short counts only if nothing is known yet. So more time never gives a worse answer, and with
-`search_nested` neither do wider limits.
+Budget, cancellation and monotonicity belong to this module: incumbents only improve, no round depends on the time, a refinement
+ends early only once an answer is known (`Incumbents.awaited`), and then it does not count. So more time never gives a worse
+answer, and with `search_nested` neither do wider limits.
 """
 
 from __future__ import annotations
@@ -134,6 +134,10 @@ class Incumbents:
         """Groups without an exact answer that does not stray."""
         return np.asarray(self.levels[:, 1] > self.tolerance)
 
+    def awaited(self, work: Work) -> Work:
+        """Return the work of refinements that lead to answers: their budget ends them only once an answer is known."""
+        return work.awaiting(lambda: math.isfinite(self.smallest))
+
     @property
     def reached(self) -> bool:
         """True if all groups have an exact answer that does not stray."""
@@ -172,7 +176,8 @@ class MultiStart(Generic[P]):
     """
 
     def __init__(self, problem: P, incumbents: Incumbents, work: Work, options: SearchOptions) -> None:
-        self.problem, self.incumbents, self.work, self.options = problem, incumbents, work, options
+        self.problem, self.incumbents, self.options = problem, incumbents, options
+        self.work = incumbents.awaited(work)
         self.pool: Candidates | None = None
         self._new: Candidates | None = None
         """Basins that converged in the round before."""
@@ -232,10 +237,14 @@ class MultiStart(Generic[P]):
         if schedule.continuation:
             survivors = self.basins(found, schedule.survivors, self.options.pool_distance)
             self._first_answers(survivors)
+            if self.work.expired():
+                return
             found = self._refine(self.problem.restart(survivors), schedule.continuation)
         self._take(found)
+        if self.work.expired():
+            return
         self._new = self._unconverged(found, schedule)
-        if self._new.cost.size and self._counts and not self.incumbents.reached:
+        if self._new.cost.size and not self.incumbents.reached:
             found = self.problem.converge(self._new, schedule.end)
             known = [self._new] if self._converged is None else [self._converged, self._new]
             if self.problem.keeps_converged:
@@ -360,12 +369,8 @@ class MultiStart(Generic[P]):
 
     @property
     def _counts(self) -> bool:
-        """True if the results of a refinement count.
-
-        Those that the time cut short count only if nothing is known: more time would lead them elsewhere, and an answer must
-        not be lost by that.
-        """
-        return not (self.work.expired() and math.isfinite(self.incumbents.smallest))
+        """True if the results of a refinement count, which the time did not cut short: more time would lead them elsewhere."""
+        return not self.work.expired()
 
     def accept(self, found: Candidates, steps: int | None = None) -> None:
         """Add candidates at all samples that satisfy the limits, or after a few Newton steps do, to the incumbents."""

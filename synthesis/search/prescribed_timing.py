@@ -109,5 +109,5 @@ def prescribed_timing(
 ) -> MultiStart[PrescribedTiming]:
     """Return the search of a problem."""
     options = options or PrescribedTimingOptions()
-    problem = PrescribedTiming(target, bounded, incumbents.tolerance, work, options)
+    problem = PrescribedTiming(target, bounded, incumbents.tolerance, incumbents.awaited(work), options)
     return MultiStart(problem, incumbents, work, options)
