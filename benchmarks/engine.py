@@ -92,13 +92,13 @@ class Case(NamedTuple):
     """Number of solutions: larger for requests whose most accurate linkage cannot be used and is therefore ranked last."""
 
     def ask(self, budget: float | None = None, **more: Any) -> Any:
-        """Return the reply ranked by error, with a budget in seconds of processor time."""
-        request = {"top": self.top, **self.request, **more}
+        """Return the reply ranked by error, with a budget in seconds of processor time unless ``work`` has another clock."""
+        request = {"top": self.top, "work": processor_work, **self.request, **more}
         if self.search is la.synthesize:
             request = {"prefer": "error"} | request
         if request.get("timing") != "free":
             request["limits"] = {"preset": "none"} | request.get("limits", {})
-        return self.search(**request, budget=budget, work=processor_work)
+        return self.search(**request, budget=budget)
 
     @property
     def mark(self) -> int:

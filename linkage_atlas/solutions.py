@@ -156,7 +156,7 @@ class Solution(Dimensions):
     rank: int
     """From 1, by the preference; see ``prefer`` of `synthesize`."""
     has_smallest_error: bool = False
-    """True if it has the smallest error of the linkages that were found and can be used, up to 2 %."""
+    """True if it has the smallest error of the linkages that were found and can be used, up to 1 %."""
     source: Literal["atlas", "refined"]
     """A row of the atlas as it is, or a result of a search."""
     type: AtlasType | None

@@ -1,16 +1,45 @@
-"""A search whose budget ends returns the best linkage found by then and names the omitted work.
+"""A search whose budget ends returns the best linkage found by then and names the omitted work; more time is never worse.
 
-A search that continues, or that ends without an answer, would show here.
+A search that continues, that ends without an answer, or whose work depends on its budget would show here.
 """
+
+from typing import Any
 
 import numpy as np
 import pytest
 
 import linkage_atlas as la
+from benchmarks import engine
+from synthesis.defects import LEAVES_SAMPLES
 from synthesis.work import Work
+from tests.conftest import some_of, ticking
 
 RANDOM = np.random.default_rng(1)
 POSES = {"rotation": RANDOM.normal(size=5), "position": RANDOM.normal(size=(5, 2)), "crank_span": 300}
+
+BUDGETS = (5, 18, 40, 78, 160, 500)
+"""In readings of the clock, which count the work: the same on every machine."""
+TURN = np.arange(12) * np.pi / 6
+WAVE = np.column_stack([np.linspace(0, 200, 12), 40 * np.sin(np.linspace(0, 3, 12))])
+TILT = np.linspace(0, 40, 12) + 3 * np.sin(np.arange(12))
+OVAL = {"position": np.column_stack([60 * np.cos(TURN) + 8 * np.cos(2 * TURN), 25 * np.sin(TURN)]), "closed": True}
+CRANK = {"rotation": TILT, "position": WAVE, "crank_span": 200}
+FREE = {"rotation": TILT, "position": WAVE, "timing": "free"}
+MOTIONS: dict[str, dict[str, Any]] = {
+    "with crank angles": CRANK,
+    "closed path": OVAL | {"timing": "free", "prefer": "error"},
+    "poses, compact": FREE,
+    "three poses": {"rotation": [0, 20, 40], "position": [[0, 0], [50, 30], [120, 20]], "timing": "free"},
+    "slider-crank": FREE | {"mechanisms": ["slider_crank"]},
+    "slider-crank with crank angles": CRANK | {"mechanisms": ["slider_crank"]},
+    "with crank angles, within limits": CRANK | {"limits": {"transmission_angle_min": 40}},
+    "path, any family": {"position": WAVE, "timing": "free", "limits": {"family": "any"}},
+    "few rotations": FREE | {"rotation": [0, *[None] * 10, 40]},
+    "path of all kinds": {"position": WAVE, "timing": "free", "mechanisms": "all"},
+    "from a linkage": FREE | {"start_from": [la.FourBar(40, 150, 120, 160, pivot_a=(0, -80))], "prefer": "error"},
+}
+CASES = [("drawn path", 7000012), ("random poses", 7000007), ("within limits", 7000003), ("largest error", 7000002)]
+"""Classes and seeds of `benchmarks.engine`; in three of them more time once gave a larger error."""
 
 
 class Clock:
@@ -60,3 +89,25 @@ def test_solutions_are_left_out_where_finishing_them_takes_too_long(round_to, to
     assert 1 <= len(short.solutions) < len(complete.solutions)
     assert any("The time was up" in note for note in short.report.notes)
     assert [solution.rank for solution in short.solutions] == list(range(1, len(short.solutions) + 1))
+
+
+@pytest.mark.parametrize("name", some_of([*MOTIONS], 6))
+def test_more_time_never_gives_a_larger_error(name) -> None:
+    errors = []
+    for budget in BUDGETS:
+        found = la.synthesize(**MOTIONS[name], budget=budget, work=ticking(1.0)).solutions
+        staying = [solution for solution in found if (solution.excursion or 0.0) <= LEAVES_SAMPLES]
+        errors.append(min((solution.errors.objective for solution in staying), default=np.inf))
+    check_falling(errors)
+
+
+@pytest.mark.parametrize(("name", "seed"), CASES)
+def test_more_time_never_gives_a_larger_error_to_a_measured_request(name, seed) -> None:
+    case = engine.CLASSES[name].case(seed)
+    check_falling([engine.smallest_cost(case, case.ask(budget, work=ticking(1.0))) for budget in BUDGETS])
+
+
+def check_falling(errors: list[float]) -> None:
+    """Check that no error is 1 % above an earlier one, within which linkages are equally good, and that the last is finite."""
+    errors = np.maximum(errors, engine.EXACT)
+    assert np.all(errors <= engine.CLOSE * np.minimum.accumulate(errors)) and np.isfinite(errors[-1]), errors

@@ -3,7 +3,6 @@
 A wrong basin, a wrong unit, or a reply that depends on the frame of the request would show here.
 """
 
-from itertools import count, pairwise
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,6 @@ from synthesis.search.seeds import SeedTables
 from synthesis.studies.determination import determinations
 from synthesis.studies.sensitivity import changes
 from synthesis.target import Target, make_target
-from synthesis.work import Work
 from tests.conftest import some_of
 from tests.oracles.classes import EXACT, UNREACHABLE, make_case
 from tests.oracles.four_bar_joints import body_point, joints_at
@@ -180,21 +178,6 @@ def test_solutions_are_sorted_and_differ(kind) -> None:
                 radius = abs(a["coupler_point_polar"]["radius"] - b["coupler_point_polar"]["radius"])
                 arm = abs((a["coupler_point_polar"]["angle"] - b["coupler_point_polar"]["angle"] + 180) % 360 - 180)
                 assert max(*positions, radius, arm * size) > SAME * size
-
-
-# -- anytime ----------------------------------------------------------------------------------------------------------
-
-
-def test_more_time_is_never_worse(tables) -> None:
-    """A clock that counts its readings: budgets mean the same on every machine."""
-    target = target_of(make_case("noise", 6001).request)
-    found = []
-    for budget in (5, 20, 80, 320):
-        work = Work(budget, clock=count().__next__)
-        solutions, report = search(tables, target, Limits(), 1, 1e-10, work)
-        assert report.stopped_by == (StoppedBy.BUDGET if budget < 80 else StoppedBy.CONVERGED)
-        found.append(solutions[0].errors.objective)
-    assert all(later <= earlier * (1 + 1e-6) for earlier, later in pairwise(found))
 
 
 # -- how well a linkage is determined ---------------------------------------------------------------------------------
