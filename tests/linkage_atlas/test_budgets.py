@@ -39,7 +39,7 @@ MOTIONS: dict[str, dict[str, Any]] = {
     "from a linkage": FREE | {"start_from": [la.FourBar(40, 150, 120, 160, pivot_a=(0, -80))], "prefer": "error"},
 }
 CASES = [("drawn path", 7000012), ("random poses", 7000007), ("within limits", 7000003), ("largest error", 7000002)]
-"""Classes and seeds of `benchmarks.engine`; in three of them more time once gave a larger error."""
+"""Classes and seeds of `benchmarks.engine`; in each of them more time once gave a larger error."""
 
 
 class Clock:
