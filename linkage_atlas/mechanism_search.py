@@ -34,8 +34,6 @@ NO_TIME = "The time was up before linkages with sliders were searched."
 _PIVOT_BOXES = ("pivot_box", "pivot_a_box", "pivot_b_box")
 _FOUR_BARS = 0.4
 """Largest fraction of the budget for four-bars if other kinds are searched too."""
-_FIRST_ROUNDS = 4
-"""Rounds of the first search for four-bars whose rotations lead the linkages with sliders, independent of the time."""
 _MAX_LEADS = 3
 """Maximum number of rotation curves taken from four-bars."""
 _OTHER_ROTATION = 1e-2
@@ -105,24 +103,20 @@ class KindSearch:
     def _four_bars(self, part: Work, by_path: bool) -> list[Solution]:
         """Search four-bars and return those whose rotations lead the linkages with sliders.
 
-        ``part``: the fraction of the budget for four-bars. If four-bars are results too, the first rounds for the leads may use
-        all of the budget: a search with more time then only adds to what a search with less time examines.
+        The first lead is the first four-bar that any search finds, and the others are those of a complete search: the time does
+        not change their order. ``part``: the fraction of the budget for four-bars.
         """
-        kinds, search = self.kinds, self.search_four_bars
-        first_work = self.work if kinds.four_bars else part
-        anytime = by_path and self.motion.free  # with crank angles there are no first rounds
-        first_search = [search(self.limits, first_work, _FIRST_ROUNDS)] if anytime else []
-        first = [lead for leads, _ in first_search for lead in leads[:1]]
-        cut_off = any(report.time_up for _, report in first_search)
-        searches = first_search if cut_off else [search(self.limits, part, self.rounds), *first_search]
-        leads, report = searches[0]
-        for found, its_report in reversed(searches) if kinds.four_bars else ():
-            self._add(found, SearchReport(report.stopped_by, its_report.trace))
-        self._add([], report._replace(trace=[]))
-        if by_path and self.motion.samples.closed and kinds.only_a_hinge_turns:
+        kinds, search, limits = self.kinds, self.search_four_bars, self.limits
+        leads, report = search(limits, part, self.rounds)
+        self._add(leads if kinds.four_bars else [], report if kinds.four_bars else report._replace(trace=[]))
+        if not by_path:
+            return leads
+        if self.motion.samples.closed and kinds.only_a_hinge_turns:
             # a hinge turns the body fully, as a double-crank does
-            first, (leads, _) = [], search(replace(self.limits, family="double_crank"), part, self.rounds)
-        return first + ([] if report.time_up else leads) if first else leads
+            limits = replace(limits, family="double_crank")
+            leads, report = search(limits, part, self.rounds)
+        first, _ = search(limits, part.part(0.0), 1)
+        return first[:1] + ([] if report.time_up else leads)
 
     def _sliders(self, rotations: Sequence[Floats | None]) -> None:
         """Search linkages with rails or slots, once for each rotation curve."""
