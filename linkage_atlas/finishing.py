@@ -28,12 +28,12 @@ class RankedSolutions(NamedTuple):
 
 
 def finish_candidates(task: Task, candidates: Candidates) -> list[Solution]:
-    """Describe the candidates as solutions: the best in any case, then the one with the smallest error, the others in time."""
-    studies, work = candidates.studies, task.work.extended(FINISHING)
-    first, smallest = candidates.found[:1], candidates.ranking.smallest_error(candidates.found)
-    found = sorted(candidates.found[1:], key=lambda solution: solution is not smallest)
+    """Describe the candidates as solutions: the best in any case, then those with the smallest error, the others in time."""
+    found, studies, work = candidates.found, candidates.studies, task.work.extended(FINISHING)
+    leaders = [*found[:1], *candidates.ranking.leaders(found)]
+    ordered = sorted(found, key=lambda solution: all(solution is not leader for leader in leaders))
     type_of = None if task.atlas is None else task.atlas.type_of
-    return finished([*first, *found], task.motion, task.limits, task.tolerance, studies, type_of, work)
+    return finished(ordered, task.motion, task.limits, task.tolerance, studies, type_of, work)
 
 
 def rank_solutions(task: Task, candidates: Candidates, solutions: list[Solution]) -> RankedSolutions:

@@ -191,14 +191,15 @@ class Ranking:
     def smallest_error(self, found: Sequence[Solution]) -> Solution | None:
         """Return the linkage with the smallest error, or None without linkages.
 
-        Linkages that cannot be used are only considered if no other linkage was found. If the error is preferred, this concerns
-        only linkages that leave the path between samples.
+        Unless the error is preferred, linkages that cannot be used are only considered if no other linkage was found.
         """
-        facts = self._examined(found)
-        wanted = [
-            solution for solution, score, _ in facts if (score.usable or self.prefer == "error") and not score.strays
-        ]
-        return min(wanted or found, key=lambda solution: solution.errors.objective, default=None)
+        usable = [solution for solution, use in zip(found, self.usable(found)) if use and self.prefer != "error"]
+        return min(usable or found, key=lambda solution: solution.errors.objective, default=None)
+
+    def leaders(self, found: Sequence[Solution]) -> list[Solution | None]:
+        """Return the linkage with the smallest error among those that stay near the path between samples, and among all."""
+        staying = [solution for solution, score, _ in self._examined(found) if not score.strays]
+        return [self.smallest_error(staying), self.smallest_error(found)]
 
     def marked(self, shown: Sequence[Solution]) -> Solution | None:
         """Return the shown linkage with the smallest error; None if a linkage with a clearly smaller error is not shown."""
@@ -210,13 +211,14 @@ class Ranking:
         return solution.errors.objective <= max(_AS_GOOD * smallest.errors.objective, self.tolerance)
 
     def _with_smallest_error(self, chosen: list[Solution], found: Sequence[Solution], top: int) -> list[Solution]:
-        self._smallest = smallest = self.smallest_error(found)
-        if smallest is None or top < 2 or any(solution is smallest for solution in chosen):
+        self._smallest = self.smallest_error(found)
+        missing: dict[int, Solution] = {}
+        for leader, best in zip(self.leaders(found), self.leaders(chosen)):
+            if leader is not None and (best is None or not self._as_good(best, leader)):
+                missing[id(leader)] = leader
+        if top < 2 or not missing:
             return chosen
-        best = self.smallest_error(chosen)
-        if best is not None and self._as_good(best, smallest):
-            return chosen
-        return self.ordered([*chosen[: top - 1], smallest])
+        return self.ordered([*chosen[: max(1, top - len(missing))], *missing.values()][:top])
 
     def _front(self, found: Sequence[Solution]) -> list[Solution]:
         """Return the Pareto front of each drive; of linkages with equal measures only the first."""

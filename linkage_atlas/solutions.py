@@ -45,6 +45,8 @@ FINISHING = 0.1
 """Fraction of the budget by which a request may exceed it to finish the candidates of the search."""
 _ALWAYS, _ALWAYS_SAMPLES = 8, 2048
 """Number of four-bars, and of their samples, that are described even if the time is up."""
+_LEADERS = 3
+"""Number of linkages of any kind that are, without long studies: the best and those with the smallest errors."""
 _HELD = 1e-8
 """Objective below which no limit holds a linkage."""
 
@@ -261,13 +263,13 @@ def finished(
 ) -> list[Solution]:
     """Describe candidates as solutions with their studies, in their order.
 
-    Once the time is up no further candidates are finished. The first is always finished, and so are the first few four-bars
-    without long studies.
+    Once the time is up no further candidates are finished. The first is always finished, and without long studies so are the
+    first few.
     """
     solutions: list[Solution] = []
-    few = max(1, min(_ALWAYS, _ALWAYS_SAMPLES // motion.samples.samples))
+    few = max(_LEADERS, min(_ALWAYS, _ALWAYS_SAMPLES // motion.samples.samples))
     for candidate in found:
-        certain = 1 if studies.long or not candidate.linkage.is_four_bar else few
+        certain = 1 if studies.long else few if candidate.linkage.is_four_bar else _LEADERS
         if len(solutions) >= certain and work.expired():
             break
         solution = _described(candidate, motion, limits, tolerance, type_of)

@@ -136,25 +136,25 @@ def within_limits(poses: Poses, limits: Limits, pool: Pool, chart: Chart) -> Fla
 
 
 def _best(found: Sequence[Solution], poses: Poses, top: int, tolerance: float) -> list[Solution]:
-    """Return the best solutions by their error that differ from each other, with the smallest error among them.
+    """Return the best solutions by their error that differ from each other.
 
-    Unusable solutions come last.
+    Unusable solutions come last. The smallest error is among two or more solutions, also among those that stay near the path.
     """
     scores = scores_of(found, poses, tolerance)
     keys = [key(score, "error") for score in scores]
     ranked = [found[k] for k in sorted(range(len(found)), key=keys.__getitem__)]
     chosen = distinct(ranked, top, APART, order=lambda _: 0, exact=tolerance)
-    if top < 2:
-        return chosen
-    strays = {id(solution): score.strays for solution, score in zip(found, scores)}
+    staying = {id(solution): solution for solution, score in zip(found, scores) if not score.strays}
+    for group in (staying, {id(solution): solution for solution in found}) if top > 1 else ():
+        smallest = min(group.values(), key=_error, default=None)
+        known = min((_error(solution) for solution in chosen if id(solution) in group), default=np.inf)
+        if smallest is not None and _error(smallest) < known and known > tolerance:
+            chosen = [*chosen[: top - 1], smallest]
+    return chosen
 
-    def error(solution: Solution) -> tuple[bool, float]:
-        return strays[id(solution)], max(solution.errors.objective, tolerance)
 
-    smallest = min(found, key=error, default=None)
-    if smallest is None or error(smallest) == min(map(error, chosen)):
-        return chosen
-    return [*chosen[: top - 1], smallest]
+def _error(solution: Solution) -> float:
+    return solution.errors.objective
 
 
 def in_turn(crank: Floats, ordered: bool) -> Floats:
