@@ -10,7 +10,7 @@ import pytest
 
 import linkage_atlas as la
 from benchmarks import engine
-from synthesis.defects import LEAVES_SAMPLES
+from synthesis.excursions import LEAVES_SAMPLES
 from synthesis.work import Work
 from tests.conftest import some_of, ticking
 
