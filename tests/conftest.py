@@ -138,6 +138,20 @@ def ticking(seconds: float) -> Callable[[float | None], Work]:
     return lambda budget: Work(budget, clock=count(step=seconds).__next__)
 
 
+COUNTED_BUDGETS = (5, 18, 40, 78, 160, 500)
+"""Budgets of work that is ``ticking(1.0)``: its clock counts how often it is read."""
+
+
+def never_rising(errors: Sequence[float]) -> bool:
+    """Check that no error is 1 % above an earlier one; errors below 1e-9 are rounding."""
+    smallest = math.inf
+    for error in errors:
+        if max(error, 1e-9) > 1.01 * smallest:
+            return False
+        smallest = min(smallest, max(error, 1e-9))
+    return True
+
+
 def finite(value: Any) -> bool:
     """Return true if all numbers of a reply are finite; NaN and infinities are written as words."""
     if isinstance(value, dict | list):

@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from benchmarks import engine, report
+from tests.conftest import COUNTED_BUDGETS, never_rising, ticking
 
 APPROXIMATE = [engine.CLASSES[name] for name in engine.APPROXIMATE]
+WORSENED = {"drawn path": 7000012, "random poses": 7000007, "within limits": 7000003, "largest error": 7000002}
+"""Seeds of requests for which more time once gave a larger error."""
 
 
 def test_every_reference_belongs_to_a_request_of_today() -> None:
@@ -51,3 +54,10 @@ def test_as_many_of_30_requests_are_answered_well_as_when_they_were_measured(nam
     with capsys.disabled():
         print(f"\n{name}: {rate:.0%} of {len(positions)} requests, {before:.0%} when measured")
     assert len(positions) == 30 and rate >= before - 1.01 / 30
+
+
+@pytest.mark.parametrize(("name", "seed"), WORSENED.items())
+def test_more_time_never_gives_a_larger_error(name, seed) -> None:
+    case = engine.CLASSES[name].case(seed)
+    errors = [engine.smallest_cost(case, case.ask(budget, work=ticking(1.0))) for budget in COUNTED_BUDGETS]
+    assert never_rising(errors), errors
