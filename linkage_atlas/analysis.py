@@ -177,9 +177,8 @@ def read_load(
     masses = values.get("masses", ())
     if not isinstance(masses, Sequence) or isinstance(masses, str) or len(masses) > max_parts:
         raise FieldError(f"/{field}/masses", f"must be a list of at most {max_parts} masses")
-    read = tuple(
-        _mass(f"{field}/masses/{k}", mass, links, mounted, link, middles or {}) for k, mass in enumerate(masses)
-    )
+    more = links, mounted, link, middles or {}
+    read = tuple(_mass(f"{field}/masses/{k}", mass, *more) for k, mass in enumerate(masses))
     return Load(force, torque, read, gravity), flag(f"{field}/parts", values.get("parts"))
 
 

@@ -203,8 +203,7 @@ class Linkage:
     @property
     def guides(self) -> list[AnyGuide]:
         """The guides, the driven guide first, with the used lengths of rails and slots if it answers a motion."""
-        used = None if self._motion is None else self._motion.interval
-        return guides_of(self._linkage, self._radian, used)
+        return guides_of(self._linkage, self._radian, self._used)
 
     @property
     def turns_fully(self) -> bool:
@@ -234,6 +233,10 @@ class Linkage:
         if travel is None or travel.size - samples not in (0, 1):
             return None
         return travel[:samples] / (motion.radian if self.plain.driver.turns else 1.0)
+
+    @property
+    def _used(self) -> Interval | None:
+        return None if self._motion is None else self._motion.interval
 
     @property
     def _unit(self) -> float:
@@ -374,8 +377,7 @@ class Linkage:
         matplotlib.axes.Axes
         """
         values = np.zeros(1) if travel is None else np.atleast_1d(column("travel", travel)) * self._unit
-        used = None if self._motion is None else self._motion.interval
-        return plot_linkage(self._linkage, ax, values, used, names=names)
+        return plot_linkage(self._linkage, ax, values, self._used, names=names)
 
     def transmission_angle_min(self, first: float | None = None, last: float | None = None) -> float:
         """Return the smallest transmission angle over travel of the drive, exactly; NaN if the loop opens.
@@ -391,7 +393,7 @@ class Linkage:
     @property
     def dimensions(self) -> Dimensions:
         """Guides, drive, branch and start, and the lengths and mount of a four-bar, under the names of the HTTP contract."""
-        return dimensions_of(self._linkage, self._radian, None if self._motion is None else self._motion.interval)
+        return dimensions_of(self._linkage, self._radian, self._used)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values under the names of the HTTP contract; `Linkage.from_dict` takes them back."""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from linkage_atlas.arguments import Fields, check_names, column, number, pair, radians_in
+from linkage_atlas.arguments import Fields, column, known_fields, number, pair, radians_in
 from linkage_atlas.drive_design.question import SIZE_RATIO
 from linkage_atlas.linkages import Linkage, given_linkage
 from linkage_atlas.motions import Motion
@@ -85,9 +85,8 @@ class Operation(NamedTuple):
     @classmethod
     def of_rocker(cls, rocker: Fields, radian: float) -> Operation:
         """Prepare a link on a hinge."""
-        check_names("/rocker", rocker, ("pivot", "start", "swing", "length"))
         values = {"pivot": (0, 0), "start": 0, "length": 1}
-        values |= {name: value for name, value in rocker.items() if value is not None}
+        values |= known_fields("rocker", rocker, ("pivot", "start", "swing", "length"))
         swing = number("rocker/swing", values.get("swing")) * radian
         if not 1e-3 <= abs(swing) < np.pi:
             raise FieldError("/rocker/swing", "must be an angle other than 0, of less than half a turn")
