@@ -35,20 +35,15 @@ STROKE_SHARES = (1.0, 0.85, 0.7, 0.55)
 """Fractions of the best stroke that are tried for an actuator of usual length."""
 
 
-def find_actuators(task: DriveTask, request: ActuatorRequest) -> None:
-    """Place an actuator on each requested link."""
-    for name in request.links:
-        if name == request.base_link:
-            continue
-        if task.work.expired():
-            return
-        search = ActuatorSearch(task, request, name)
-        if request.ground_point is not None:
-            search.evaluate_ends(request.ground_point)
-        elif request.rows:
-            search.choose_rows()
-        else:
-            search.find_sizes()
+def find_actuator(task: DriveTask, request: ActuatorRequest, name: str) -> None:
+    """Place an actuator on a link."""
+    search = ActuatorSearch(task, request, name)
+    if request.ground_point is not None:
+        search.evaluate_ends(request.ground_point)
+    elif request.rows:
+        search.choose_rows()
+    else:
+        search.find_sizes()
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from linkage_atlas.arguments import Fields, check_above_zero, check_top, millimetres_in, radians_in, sequence
-from linkage_atlas.drive_design.actuators import find_actuators
-from linkage_atlas.drive_design.motors import find_motors
+from linkage_atlas.drive_design.actuators import find_actuator
+from linkage_atlas.drive_design.motors import find_motor
 from linkage_atlas.drive_design.operation import Operation
 from linkage_atlas.drive_design.question import ActuatorRequest, DriveQuestion, DriveRequest, Reader, RotaryRequest
 from linkage_atlas.drive_design.records import Drives, Refusal
@@ -160,13 +160,18 @@ def _answer(operation: Operation, question: DriveQuestion, max_results: int, wor
 
 
 def _find(task: DriveTask, request: DriveRequest) -> None:
-    match request:
-        case RotaryRequest():
-            find_rotary(task, request)
-        case ActuatorRequest():
-            find_actuators(task, request)
-        case _:
-            find_motors(task, request)
+    """Search for a drive on each requested link; rotary drives take no time worth mentioning."""
+    for name in request.links:
+        match request:
+            case RotaryRequest():
+                find_rotary(task, request, name)
+            case _ if task.work.expired():
+                return
+            case ActuatorRequest():
+                if name != request.base_link:
+                    find_actuator(task, request, name)
+            case _:
+                find_motor(task, request, name)
 
 
 # -- drives of the solutions of a search ------------------------------------------------------------------------------

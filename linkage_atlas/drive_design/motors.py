@@ -27,23 +27,20 @@ STEPS = 121
 """Motor angles of a reply, over a whole turn."""
 
 
-def find_motors(task: DriveTask, request: MotorRequest) -> None:
-    """Place a motor and a rod on each requested link."""
-    for name in request.links:
-        if task.work.expired():
-            return
-        found = _placed(task, request, name)
-        if isinstance(found, str):
-            task.refuse("dyad", name, found)
-            continue
-        link = task.fine.links[name]
-        cycle = evaluate_motor(link, task.fine_torque, found.motor, found.pin, found.crank, found.rod, found.extends)
-        if cycle is None:
-            task.refuse("dyad", name, "the rod of the best motor reverses between the positions of the search")
-            continue
-        words = "the best transmission angle is"
-        if not task.too_flat("dyad", name, words, cycle.transmission_angle_min, request.transmission_angle_min):
-            _add(task, name, cycle)
+def find_motor(task: DriveTask, request: MotorRequest, name: str) -> None:
+    """Place a motor and a rod on a link."""
+    found = _placed(task, request, name)
+    if isinstance(found, str):
+        task.refuse("dyad", name, found)
+        return
+    link = task.fine.links[name]
+    cycle = evaluate_motor(link, task.fine_torque, found.motor, found.pin, found.crank, found.rod, found.extends)
+    if cycle is None:
+        task.refuse("dyad", name, "the rod of the best motor reverses between the positions of the search")
+        return
+    words = "the best transmission angle is"
+    if not task.too_flat("dyad", name, words, cycle.transmission_angle_min, request.transmission_angle_min):
+        _add(task, name, cycle)
 
 
 def _placed(task: DriveTask, request: MotorRequest, name: str) -> MotorCycle | str:

@@ -13,38 +13,37 @@ from synthesis.drives.links import largest
 from synthesis.studies.forces import Pull
 
 
-def find_rotary(task: DriveTask, request: RotaryRequest) -> None:
-    """Evaluate a rotary drive at each requested pivot."""
+def find_rotary(task: DriveTask, request: RotaryRequest, name: str) -> None:
+    """Evaluate a rotary drive at the pivot of a link."""
     operation = task.operation
-    for name in request.links:
-        link, rates = task.machine.links[name], task.fine.links[name].rate
-        if np.any(rates * rates[0] <= 0):
-            k = int(np.argmax(rates * rates[0] <= 0))
-            at = operation.words(task.fine.at[k])
-            where = operation.poses_around(*task.fine.at[[max(k - 1, 0), k]])
-            task.refuse("rotary", name, f"the {name} reverses at a dead point {where}at {at}")
-            continue
-        angle = _transmission_angle(task, name)
-        words = "its transmission angle falls to"
-        if link.pivot is None or task.too_flat("rotary", name, words, angle, request.transmission_angle_min):
-            continue
-        torque = task.torque / link.rate
-        peak = _peak_torque(task, name) if task.loaded else None
-        drive = RotaryDrive(
-            link=name,
-            swing=task.swing(name),
-            stops="two stops or position control",
-            holds="with a worm gear or a brake",
-            motor=xy(link.pivot),
-            peak_torque=peak,
-            holding=task.if_loaded(both_ends(torque)),
-            transmission_angle_min=None if angle is None else angle / operation.radian,
-            curve=RotaryCurve(crank_angle=operation.curve_at, torque=task.if_loaded(torque)),
-            pin_forces=task.pin_peaks(
-                task.machine, [Pull(name, link.origin, 0 * link.origin, torque)] * (name == "rocker")
-            ),
-        )
-        task.ranked.append(((peak or 0.0,), drive))
+    link, rates = task.machine.links[name], task.fine.links[name].rate
+    if np.any(rates * rates[0] <= 0):
+        k = int(np.argmax(rates * rates[0] <= 0))
+        at = operation.words(task.fine.at[k])
+        where = operation.poses_around(*task.fine.at[[max(k - 1, 0), k]])
+        task.refuse("rotary", name, f"the {name} reverses at a dead point {where}at {at}")
+        return
+    angle = _transmission_angle(task, name)
+    words = "its transmission angle falls to"
+    if link.pivot is None or task.too_flat("rotary", name, words, angle, request.transmission_angle_min):
+        return
+    torque = task.torque / link.rate
+    peak = _peak_torque(task, name) if task.loaded else None
+    drive = RotaryDrive(
+        link=name,
+        swing=task.swing(name),
+        stops="two stops or position control",
+        holds="with a worm gear or a brake",
+        motor=xy(link.pivot),
+        peak_torque=peak,
+        holding=task.if_loaded(both_ends(torque)),
+        transmission_angle_min=None if angle is None else angle / operation.radian,
+        curve=RotaryCurve(crank_angle=operation.curve_at, torque=task.if_loaded(torque)),
+        pin_forces=task.pin_peaks(
+            task.machine, [Pull(name, link.origin, 0 * link.origin, torque)] * (name == "rocker")
+        ),
+    )
+    task.ranked.append(((peak or 0.0,), drive))
 
 
 def _peak_torque(task: DriveTask, name: str) -> float:
