@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NamedTuple
 
@@ -268,17 +268,24 @@ def finished(
     """
     solutions: list[Solution] = []
     few = max(_LEADERS, min(_ALWAYS, _ALWAYS_SAMPLES // motion.samples.samples))
+    four_bars = [candidate for candidate in found if candidate.linkage.is_four_bar]
+    determinations = _determinations(four_bars, motion, limits, tolerance, few)
     for candidate in found:
         certain = 1 if studies.long else few if candidate.linkage.is_four_bar else _LEADERS
         if len(solutions) >= certain and work.expired():
             break
-        solution = _described(candidate, motion, limits, tolerance, type_of)
+        determined = next(determinations) if candidate.linkage.is_four_bar else None
+        solution = _described(candidate, determined, motion, limits, type_of)
         solutions.append(_studied(solution, studies, len(found), work))
     return solutions
 
 
 def _described(
-    candidate: model.Solution, motion: Motion, limits: Limits, tolerance: float, type_of: TypeOf | None
+    candidate: model.Solution,
+    determined: Determination | None,
+    motion: Motion,
+    limits: Limits,
+    type_of: TypeOf | None,
 ) -> Solution:
     """Describe a candidate without studies."""
     samples, radian = motion.samples, motion.radian
@@ -308,25 +315,30 @@ def _described(
         transmission_angle_min=candidate.transmission_angle_min / radian,
         transmission_angle_min_turn=None if turn is None else turn / radian,
         arm_min=linkage.arm_over(interval.after(linkage.start)),
-        determination=_determination(candidate, motion, limits, tolerance) if linkage.is_four_bar else None,
+        determination=determined,
         linkage=Linkage.of(linkage, radian, own.target, own.length_unit),
         origin=Origin(candidate, own, limits, samples),
     )
 
 
-def _determination(candidate: model.Solution, motion: Motion, limits: Limits, tolerance: float) -> Determination:
-    """Return the determination of a four-bar."""
-    samples, allowed, error = motion.samples, motion.tolerances, candidate.errors.objective
+def _determinations(
+    four_bars: Sequence[model.Solution], motion: Motion, limits: Limits, tolerance: float, at_once: int
+) -> Iterator[Determination]:
+    """Yield the determination of each four-bar; several are computed together."""
+    samples, allowed = motion.samples, motion.tolerances
     resolution = tolerance if allowed is None else max(tolerance, allowed.objective(samples))
-    if not limits.only_family and error >= max(tolerance, _HELD):
-        return Determination(False, resolution, touched(candidate, samples, limits), np.full(4, np.nan))
-    if limits.only_family:
-        resolution = max(error, tolerance)
-    target = model.targets_of(samples, [candidate.linkage], candidate.travel[None])
     held = [name for name, length in zip(LINKS, limits.links) if length is not None]
     held += [name for name in PIVOTS if getattr(limits, name) is not None]
-    (fixed,) = determination.determinations(target, [candidate.linkage], [resolution], held)
-    return Determination(fixed.ill_posed, fixed.resolution, (), fixed.length_uncertainty)
+    for chunk in (four_bars[first : first + at_once] for first in range(0, len(four_bars), at_once)):
+        linkages, errors = [each.linkage for each in chunk], [each.errors.objective for each in chunk]
+        resolutions = [max(error, tolerance) if limits.only_family else resolution for error in errors]
+        target = model.targets_of(samples, linkages, np.array([each.travel for each in chunk]))
+        determined = determination.determinations(target, linkages, resolutions, held)
+        for candidate, error, fixed in zip(chunk, errors, determined):
+            if limits.only_family or error < max(tolerance, _HELD):
+                yield Determination(fixed.ill_posed, fixed.resolution, (), fixed.length_uncertainty)
+            else:
+                yield Determination(False, resolution, touched(candidate, samples, limits), np.full(4, np.nan))
 
 
 def _travel(samples: Poses | Target, candidate: model.Solution, radian: float) -> tuple[Floats | None, Floats | None]:
