@@ -124,13 +124,12 @@ class PairSearch:
         turned: Floats | None = None,
         rounds: int | None = None,
         soon: bool = False,
-        options: PairOptions | None = None,
     ) -> None:
         self.work, self.soon, self.trace = work, soon, list[tuple[float, float]]()
         self.incumbents = Incumbents(tolerance, self._note, len(drive_list))
-        if options is None:
-            options = DrivenOptions() if prescribed is not None else PairOptions()
-            options = options if turned is None else replace(options, idle_rounds=options.idle_rounds_led)
+        options = PairOptions() if prescribed is None else DrivenOptions()
+        if turned is not None:
+            options = replace(options, idle_rounds=options.idle_rounds_led)
         self.max_rounds = options.max_rounds if rounds is None else rounds
         problem = PairProblem if prescribed is None else DrivenPairProblem
         self.problem = problem(poses, limits, drive_list, self.incumbents, work, options, turned, prescribed)

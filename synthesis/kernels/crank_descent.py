@@ -264,10 +264,9 @@ class Descent:
             self.pose[s, k] = self.poses[n, k]
         self.offset[s] = self.offsets[n]
         self.branch[s] = self.branches[n]
+        timed: bint = self.has_timing
         for i in range(self.samples):
-            self.crank_angle[s, i] = (
-                self.angles[n, 0] + self.crank_increments[i] if self.has_timing else self.angles[n, i]
-            )
+            self.crank_angle[s, i] = self.angles[n, 0] + self.crank_increments[i] if timed else self.angles[n, i]
 
     @cfunc
     def store(self, s: cython.int, n: Py_ssize_t):
@@ -703,9 +702,8 @@ class Descent:
         self.find_end_samples(s)
         first, last = self.crank_angle[s, self.first_sample], self.crank_angle[s, self.last_sample]
         direction = times(1.0 / size if size > 0.0 else 0.0, z1)
-        self.limits.evaluate(
-            first, first + TURN if self.closed else last, self.pose[s, 0], direction, self.pose[s, 2]
-        )
+        last = first + TURN if self.closed else last
+        self.limits.evaluate(first, last, self.pose[s, 0], direction, self.pose[s, 2])
         return scale
 
     @cfunc
@@ -857,9 +855,8 @@ class Descent:
             for i in range(n):
                 self.angle_squares[i] += self.angle_slopes[s, base + i] * self.angle_slopes[s, base + i]
         for k in range(self.active_rows[s]):
-            self.angle_squares[self.limit_sample[s, k]] += (
-                self.limit_angle_slopes[s, k] * self.limit_angle_slopes[s, k]
-            )
+            slope = self.limit_angle_slopes[s, k]
+            self.angle_squares[self.limit_sample[s, k]] += slope * slope
         for i in range(n):
             total += self.angle_squares[i]
         return total / n
@@ -891,16 +888,12 @@ class Descent:
         """Replace ``requested_angle`` by its weighted isotonic regression."""
         top: Py_ssize_t = 0
         for i in range(self.samples):
-            self.pooled_level[top], self.pooled_weight[top], self.block_head[top] = (
-                self.requested_angle[i],
-                max(self.angle_squares[i], TINY),
-                i,
-            )
+            self.pooled_level[top], self.block_head[top] = self.requested_angle[i], i
+            self.pooled_weight[top] = max(self.angle_squares[i], TINY)
             while top > 0 and self.pooled_level[top - 1] >= self.pooled_level[top]:
                 total = self.pooled_weight[top - 1] + self.pooled_weight[top]
-                self.pooled_level[top - 1] += (
-                    self.pooled_weight[top] / total * (self.pooled_level[top] - self.pooled_level[top - 1])
-                )
+                rise = self.pooled_level[top] - self.pooled_level[top - 1]
+                self.pooled_level[top - 1] += self.pooled_weight[top] / total * rise
                 self.pooled_weight[top - 1] = total
                 top -= 1
             top += 1

@@ -300,9 +300,8 @@ class Limits:
         else:
             nearest = 0
             for side in range(1, 4):
-                if depth_inside(self.joints[0], side, self.table[n, 2 + side]) < depth_inside(
-                    self.joints[0], nearest, self.table[n, 2 + nearest]
-                ):
+                depth = depth_inside(self.joints[0], side, self.table[n, 2 + side])
+                if depth < depth_inside(self.joints[0], nearest, self.table[n, 2 + nearest]):
                     nearest = side
             self.side_row(row, nearest, self.table[n, 2 + nearest], 0, -1.0)
 

@@ -73,11 +73,8 @@ class Guide:
         out[own + 3] = -inner(self.normal, self.inward_normal)
         out[own + 4] = 0.0
         if not self.is_straight:
-            ahead = 1.0 + self.root
-            curvature_slope = inner(away, away) / (2.0 * self.root) - 2.0 * self.rise * self.rise / (
-                self.root * ahead * ahead
-            )
-            out[own + 4] = curvature_slope * self.unit
+            ratio = self.rise / (1.0 + self.root)
+            out[own + 4] = (0.5 * inner(away, away) - 2.0 * ratio * ratio) / self.root * self.unit
 
     @cfunc
     def normal_slopes(self, out: double[::1], sign: double):

@@ -123,12 +123,8 @@ class PairRows:
     def factorise_pose_system(self, i: Py_ssize_t, angle: double, position: doublecomplex):
         """Factorise S = B W^-1 B' at the current pose and solve L x = gaps towards a given pose."""
         v, p, first, second = self.targets[i, 3], self.targets[i, 4], self.first_guide, self.second_guide
-        turn1, turn2, move1, move2 = (
-            first.rotation_slope,
-            second.rotation_slope,
-            first.position_slope,
-            second.position_slope,
-        )
+        turn1, turn2 = first.rotation_slope, second.rotation_slope
+        move1, move2 = first.position_slope, second.position_slope
         s11 = v * turn1 * turn1 + p * inner(move1, move1)
         s12 = v * turn1 * turn2 + p * inner(move1, move2)
         s22 = v * turn2 * turn2 + p * inner(move2, move2)
@@ -301,9 +297,8 @@ class PairRows:
             second[c] = (second[c] - self.l21 * row[c]) * lower
             force2 = second[c] * lower
             force1 = (row[c] - self.l21 * force2) * upper
-            self.rotation_slopes[c] = -v * (
-                first_guide.rotation_slope * force1 + second_guide.rotation_slope * force2
-            )
+            turned = first_guide.rotation_slope * force1 + second_guide.rotation_slope * force2
+            self.rotation_slopes[c] = -v * turned
             moved = times(force1, first_guide.position_slope) + times(force2, second_guide.position_slope)
             self.position_slopes[c] = times(-p, moved)
         self.put_row(row, 1.0, self.first_residual)
@@ -326,10 +321,8 @@ class PairRows:
                 for c in range(self.size):
                     third = self.drive_row[c]
                     self.rotation_slopes[c] = -self.pose_change(0, row[c], second[c], third)
-                    x, y = (
-                        self.pose_change(1, row[c], second[c], third),
-                        self.pose_change(2, row[c], second[c], third),
-                    )
+                    x = self.pose_change(1, row[c], second[c], third)
+                    y = self.pose_change(2, row[c], second[c], third)
                     self.position_slopes[c] = vector(-x, -y)
             for c in range(self.size):
                 row[c] = self.rotation_slopes[c]

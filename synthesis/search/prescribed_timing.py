@@ -101,13 +101,9 @@ def in_portions(seeds: Timed, size: int) -> Iterator[Timed]:
 
 
 def prescribed_timing(
-    target: Target,
-    bounded: Bounded,
-    incumbents: Incumbents,
-    work: Work,
-    options: PrescribedTimingOptions | None = None,
+    target: Target, bounded: Bounded, incumbents: Incumbents, work: Work
 ) -> MultiStart[PrescribedTiming]:
     """Return the search of a problem."""
-    options = options or PrescribedTimingOptions()
+    options = PrescribedTimingOptions()
     problem = PrescribedTiming(target, bounded, incumbents.tolerance, incumbents.awaited(work), options)
     return MultiStart(problem, incumbents, work, options)
