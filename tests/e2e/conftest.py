@@ -15,7 +15,8 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shuti
 DRIVER = shutil.which("chromedriver")
 WITHOUT = ("gpu", "dev-shm-usage", "background-networking", "component-update", "sync")
 OPTIONS = ("--headless=new", "--no-sandbox", "--no-first-run", "--hide-scrollbars")
-OPTIONS += ("--disable-features=BackForwardCache",)  # it keeps every page that was left
+# the first keeps every page that was left; the others read the text of each page
+OPTIONS += ("--disable-features=BackForwardCache,Translate,OptimizationHints,PageContentAnnotations",)
 OPTIONS += ("--force-prefers-reduced-motion",)  # a linkage that runs takes a processor of its own
 OPTIONS += tuple(f"--disable-{name}" for name in WITHOUT)
 NO_FORM_FILLING = {
