@@ -11,6 +11,7 @@ from synthesis.arrays import Flags, Floats
 from synthesis.defects import ONE_POSITION
 from synthesis.descents import Pool, Timed
 from synthesis.excursions import LEAVES_SAMPLES, SHORTEST_CHORD
+from synthesis.four_bar import transmission_angle_over
 from synthesis.free.joint import JointProblem
 from synthesis.free.limited import limited_problem
 from synthesis.free.screen import way_along
@@ -40,6 +41,8 @@ class FreeTimingOptions(SearchOptions):
     """Width of the perturbations of the span's logarithm."""
     nearest_steps: int = 6
     """Number of steps of the crank angles alone, on all samples."""
+    transmission_min: float = 1e-4
+    """Transmission angle in radians below which rounding decides whether a linkage closes between the samples."""
     panel: float = radians(12.0)
     """Largest crank angle of a chord by which the path between samples is measured."""
 
@@ -105,10 +108,14 @@ class FreeTiming(CrankDriven):
         return np.asarray((excursion > LEAVES_SAMPLES) | poses.turned_otherwise(rotation))
 
     def usable(self, pool: Pool) -> Flags:
-        """Return whether answers pass the samples at different crank angles, (n,)."""
-        drive = np.sort(pool.timed.angles % TURN, axis=1)
+        """Return whether answers pass the samples at different crank angles, and close between the samples, (n,)."""
+        timed, start = pool.timed, pool.timed.angles[:, :1]
+        drive = np.sort(timed.angles % TURN, axis=1)
         gaps = np.diff(drive, axis=1, append=drive[:, :1] + TURN)
-        return np.asarray(gaps.min(axis=1) > ONE_POSITION * np.ptp(pool.timed.angles, axis=1))
+        apart = gaps.min(axis=1) > ONE_POSITION * np.ptp(timed.angles, axis=1)
+        interval = self.poses.used(self.poses.whole(timed.angles - start)).interval.after(start[:, 0])
+        transmission = transmission_angle_over(self.chart.shape(timed.shape).lengths, interval)
+        return np.asarray(apart & (transmission > self.options.transmission_min))
 
     def perturbed_angles(self, timed: Timed) -> Floats:
         """Return crank angles with another start and another span."""
