@@ -28,7 +28,8 @@ from synthesis.guided.problem import PairProblem
 from synthesis.guides import Driver, Kind
 from synthesis.limits import Limits
 from synthesis.poses import Poses, make_poses
-from synthesis.search import crank_driven, prescribed_timing
+from synthesis.search import crank_driven
+from synthesis.search import search as timed
 from synthesis.search.multistart import MultiStart
 from synthesis.search.options import SELECTED_EARLY, SELECTED_LATE
 from tests.oracles.guided import KINDS, random_motion
@@ -156,11 +157,7 @@ class Numpy:
 
 def options(**changes: Any) -> list[tuple[Any, str, Any]]:
     """Return the patches that change options of the searches among four-bars."""
-    owners = (
-        (prescribed_timing, "PrescribedTimingOptions"),
-        (free_timing, "FreeTimingOptions"),
-        (free, "FreeTimingOptions"),
-    )
+    owners = ((timed, "PrescribedTimingOptions"), (free, "FreeTimingOptions"))
     return [(owner, name, partial(getattr(owner, name), **changes)) for owner, name in owners]
 
 
@@ -168,15 +165,8 @@ def schedules(**changes: Any) -> list[tuple[Any, str, Any]]:
     """Return the patches that change the stages of both searches in rounds."""
     late, early = (schedule._replace(**changes) for schedule in (SELECTED_LATE, SELECTED_EARLY))
     return [
-        (
-            prescribed_timing,
-            "PrescribedTimingOptions",
-            partial(prescribed_timing.PrescribedTimingOptions, schedule=late),
-        ),
-        *[
-            (owner, "FreeTimingOptions", partial(free_timing.FreeTimingOptions, schedule=early))
-            for owner in (free_timing, free)
-        ],
+        (timed, "PrescribedTimingOptions", partial(timed.PrescribedTimingOptions, schedule=late)),
+        (free, "FreeTimingOptions", partial(free.FreeTimingOptions, schedule=early)),
     ]
 
 

@@ -19,7 +19,6 @@ from synthesis.limits import Limits
 from synthesis.mechanism import Chart
 from synthesis.poses import Poses
 from synthesis.search.crank_driven import CrankDriven, Refinements
-from synthesis.search.multistart import Incumbents, MultiStart
 from synthesis.search.options import SELECTED_EARLY, Schedule, SearchOptions
 from synthesis.target import TURN
 from synthesis.work import Work
@@ -153,20 +152,3 @@ class FreeTiming(CrankDriven):
     def _shifted(timed: Timed, shift: complex) -> np.ndarray:
         """Return poses relative to the mean of other samples."""
         return timed.pose + np.array([shift, 0, 0])
-
-
-def free_timing(
-    poses: Poses,
-    limits: Limits,
-    chart: Chart,
-    incumbents: Incumbents,
-    work: Work,
-    samples: int,
-    within_limits: bool = True,
-    options: FreeTimingOptions | None = None,
-) -> MultiStart[FreeTiming]:
-    """Return the search of a problem."""
-    options = options or FreeTimingOptions()
-    awaited = incumbents.awaited(work) if within_limits else work
-    problem = FreeTiming(poses, limits, chart, incumbents.tolerance, awaited, samples, within_limits, options)
-    return MultiStart(problem, incumbents, work, options)

@@ -19,7 +19,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, islice
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +31,7 @@ from synthesis.four_bar import coupler_angle, transmission_angle_over, wrap
 from synthesis.fourbar.mechanism import AnyChart, placed_linkages, search_spaces
 from synthesis.free.dyads import FEW, chart_of, exact_motion, near_motion
 from synthesis.free.few_poses import NONE_CLEAR, Candidates, Obstacles, exact_four_bars, is_few
-from synthesis.free.free_timing import FreeTiming, FreeTimingOptions, free_timing
+from synthesis.free.free_timing import FreeTiming, FreeTimingOptions
 from synthesis.free.limited import guessed_windows, placed_within
 from synthesis.free.screen import path_screen
 from synthesis.limits import Limits
@@ -381,10 +380,14 @@ class FreeSearch:
             self._within[family] = self._run(chart_of(family), samples, options=options)
         return self._within[family]
 
-    def _run(self, chart: Chart, samples: int, within_limits: bool = True, options: Any = None) -> Run:
-        return free_timing(
-            self.poses, self.limits, chart, self.incumbents, self.work, samples, within_limits, options
-        )
+    def _run(
+        self, chart: Chart, samples: int, within_limits: bool = True, options: FreeTimingOptions | None = None
+    ) -> Run:
+        options, incumbents = options or FreeTimingOptions(), self.incumbents
+        work = incumbents.awaited(self.work) if within_limits else self.work
+        poses, limits, tolerance = self.poses, self.limits, incumbents.tolerance
+        problem = FreeTiming(poses, limits, chart, tolerance, work, samples, within_limits, options)
+        return MultiStart(problem, incumbents, self.work, options)
 
     def _accept_dyads(self, pool: Pool, family: str) -> None:
         """Accept the pairs of dyads that satisfy the limits as they are."""

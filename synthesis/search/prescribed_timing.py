@@ -11,7 +11,7 @@ from synthesis.arrays import Floats
 from synthesis.descents import Pool, Timed
 from synthesis.fourbar.mechanism import Bounded
 from synthesis.search.crank_driven import CrankDriven, Refinements
-from synthesis.search.multistart import Incumbents, MultiStart
+from synthesis.search.multistart import MultiStart
 from synthesis.search.options import SearchOptions
 from synthesis.search.prescribed import GivenProblem, problem_of
 from synthesis.search.seeds import Windows
@@ -98,12 +98,3 @@ def in_portions(seeds: Timed, size: int) -> Iterator[Timed]:
     """Yield seeds in portions of a size."""
     for first in range(0, seeds.branch.size, size):
         yield seeds.take(slice(first, first + size))
-
-
-def prescribed_timing(
-    target: Target, bounded: Bounded, incumbents: Incumbents, work: Work
-) -> MultiStart[PrescribedTiming]:
-    """Return the search of a problem."""
-    options = PrescribedTimingOptions()
-    problem = PrescribedTiming(target, bounded, incumbents.tolerance, incumbents.awaited(work), options)
-    return MultiStart(problem, incumbents, work, options)

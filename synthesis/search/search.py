@@ -32,9 +32,9 @@ from synthesis.limits import Limits
 from synthesis.linkage import Linkage
 from synthesis.mechanism import Chart
 from synthesis.ranking import APART, Status, distinct
-from synthesis.search.multistart import Incumbents
+from synthesis.search.multistart import Incumbents, MultiStart
 from synthesis.search.prescribed import GivenProblem, candidates_at
-from synthesis.search.prescribed_timing import PrescribedTiming, prescribed_timing
+from synthesis.search.prescribed_timing import PrescribedTiming, PrescribedTimingOptions
 from synthesis.search.report import SearchReport, stopped_by
 from synthesis.search.seeds import FINER, SeedTables, Windows, thinned, windows_of
 from synthesis.solution import assess
@@ -226,8 +226,9 @@ class _Search:
         for space in spaces:
             # the first search space contains only full cranks, so that a larger family never gives a worse result
             family = "full_crank" if self.limits.family == "any" and space is spaces[0] else self.limits.family
-            run = prescribed_timing(self.target, space, found, self.work)
-            problem = run.problem
+            options = PrescribedTimingOptions()
+            problem = PrescribedTiming(self.target, space, self.tolerance, found.awaited(self.work), options)
+            run = MultiStart(problem, found, self.work, options)
             seeds = problem.seeds(windows_of(family), run)
             late = self.work.expired() and space.chart in found.pools
             begin = [] if late else list(islice(seeds, 1))
