@@ -28,7 +28,7 @@ from synthesis.defects import shared_positions
 from synthesis.errors import FieldError
 from synthesis.excursions import excursion_faults, excursions_of
 from synthesis.free.search import in_turn
-from synthesis.limits import LINKS, PIVOTS, Limits
+from synthesis.limits import LINKS, PIVOTS, Limits, judged_limits
 from synthesis.linkage import Linkage as Plain
 from synthesis.poses import Poses, spin_faults
 from synthesis.ranking import Errors
@@ -270,12 +270,13 @@ def finished(
     few = max(_LEADERS, min(_ALWAYS, _ALWAYS_SAMPLES // motion.samples.samples))
     four_bars = [candidate for candidate in found if candidate.linkage.is_four_bar]
     determinations = _determinations(four_bars, motion, limits, tolerance, few)
+    practical = judged_limits(motion.samples, limits)
     for candidate in found:
         certain = 1 if studies.long else few if candidate.linkage.is_four_bar else _LEADERS
         if len(solutions) >= certain and work.expired():
             break
         determined = next(determinations) if candidate.linkage.is_four_bar else None
-        solution = _described(candidate, determined, motion, limits, type_of)
+        solution = _described(candidate, determined, motion, limits, practical, type_of)
         solutions.append(_studied(solution, studies, len(found), work))
     return solutions
 
@@ -285,6 +286,7 @@ def _described(
     determined: Determination | None,
     motion: Motion,
     limits: Limits,
+    practical: Limits,
     type_of: TypeOf | None,
 ) -> Solution:
     """Describe a candidate without studies."""
@@ -293,7 +295,7 @@ def _described(
     own = motion.over(linkage, candidate.travel)
     interval = own.target.interval
     passage = defects.verdict(linkage, linkage.start + candidate.travel, **passing(samples))
-    faults = [fault(measure) for measure in practical_violations(candidate, own.target, limits)]
+    faults = [fault(measure) for measure in practical_violations(candidate, own.target, practical)]
     excursion: float | None = None
     if isinstance(samples, Poses):
         (excursion,), (rotation,) = excursions_of([candidate], samples), rotations_of([candidate], samples)

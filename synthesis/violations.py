@@ -15,7 +15,7 @@ import numpy as np
 
 from synthesis.arrays import Complexes, Floats
 from synthesis.guides import Driver
-from synthesis.limits import FORMS, LINKS, PIVOTS, REACH, Limits, in_family, judged_limits
+from synthesis.limits import FORMS, LINKS, PIVOTS, REACH, Limits, in_family
 from synthesis.linkage import Linkage
 from synthesis.mechanism import Box, outside
 from synthesis.one_variable import Floats as Numbers
@@ -81,9 +81,9 @@ def touched(solution: Solution, samples: Samples, limits: Limits) -> tuple[str, 
     return tuple(_violations(solution, samples, limits, _used(solution, True), -_TOUCHED))
 
 
-def practical_violations(solution: Solution, samples: Samples, limits: Limits) -> list[Measure]:
-    """Return the worst measure of each practical limit that a solution violates; see `judged_limits`."""
-    found, linkage = _Measures(solution, samples, judged_limits(samples, limits)), solution.linkage
+def practical_violations(solution: Solution, samples: Samples, practical: Limits) -> list[Measure]:
+    """Return the worst measure of each practical limit that a solution violates; see `synthesis.limits.judged_limits`."""
+    found, linkage = _Measures(solution, samples, practical), solution.linkage
     measures = [*found.angles(), *_of_ratio(linkage.lengths.values(), found.limits), *found.links(linkage.lengths)]
     measures += [*found.body_point(), *found.pivots()]
     if linkage.driver is Driver.CYLINDER:
@@ -92,13 +92,13 @@ def practical_violations(solution: Solution, samples: Samples, limits: Limits) -
 
 
 def violations_of_shape(
-    angles: tuple[float, float | None], lengths: Collection[float], limits: Limits
+    angles: tuple[float, float | None], lengths: Collection[float], practical: Limits
 ) -> list[Measure]:
     """Return the worst measure of each practical limit of shape that transmission angles and lengths violate.
 
-    ``angles``: smallest transmission angles over the used interval, and over the turn if there is one.
+    ``angles``: smallest transmission angles over the used interval, and over the turn if there is one. ``practical``: see
+    `synthesis.limits.judged_limits`.
     """
-    practical = judged_limits(None, limits)
     return _worst([*_of_angles(*angles, practical), *_of_ratio(lengths, practical)])
 
 

@@ -25,7 +25,7 @@ from synthesis.defects import verdict
 from synthesis.function.answers import Generator, turning_back
 from synthesis.function.laws import FOUR_BAR, LENGTH, FunctionLimits
 from synthesis.function.search import refit
-from synthesis.limits import Limits
+from synthesis.limits import Limits, judged_limits
 from synthesis.linkage import Linkage as Plain
 from synthesis.linkage import as_lengths, with_links
 from synthesis.studies.determination import Determination as Determined
@@ -53,7 +53,8 @@ def described(
 ) -> list[FunctionSolution | TravelSolution]:
     """Describe generators in the units of the user, best first."""
     plains = [built(question, generator) for generator in found]
-    commons = [_common(question, *row, curves) for row in zip(found, plains, itertools.count(1))]
+    practical = judged_limits(None, question.limits.limits)
+    commons = [_common(question, *row, curves, practical) for row in zip(found, plains, itertools.count(1))]
     if question.dial.travels:
         return [_travelling(question, *row) for row in zip(found, plains, commons)]
     fixed = _determinations(question, found)
@@ -78,7 +79,7 @@ def _travelling(
 
 
 def _common(
-    question: FunctionQuestion, generator: Generator, plain: Plain, rank: int, curves: bool
+    question: FunctionQuestion, generator: Generator, plain: Plain, rank: int, curves: bool, practical: Limits
 ) -> dict[str, Any]:
     """Return the fields of solutions of all kinds."""
     function, scales, radian = question.function, question.scales, question.radian
@@ -86,7 +87,7 @@ def _common(
     passed = verdict(plain, plain.start + question.travel, timed=True)
     positive, turn = np.array(generator.law.positive), generator.transmission_angle_min_turn
     links = [*generator.lengths[positive].tolist(), *([1.0] if plain.is_four_bar else [])]
-    violated = violations_of_shape((generator.transmission_angle_min, turn), links, question.limits.limits)
+    violated = violations_of_shape((generator.transmission_angle_min, turn), links, practical)
     faults = [fault(measure) for measure in violated]
     back, curve = turning_back(function, generator), None
     sentences = []
