@@ -46,6 +46,8 @@ REPEATED = ("timed", "path", "change point", "function", "sliders, exact")
 """Quick classes, whose number of requests is three times larger."""
 NOTHING = "none"
 """Name of the empty heuristic."""
+NO_SWITCH = ("uphill steps", "flipped branches", "last polish")
+"""Heuristics in use that cannot be switched off."""
 SOLVED = 1e-9
 """Error below which an answer is exact, so that smaller differences are rounding."""
 
@@ -114,6 +116,13 @@ class Heuristic(NamedTuple):
     classes: tuple[str, ...]
     patches: Sequence[tuple[Any, str, Any]] | None
     """Object, attribute, and the attribute's value without the heuristic; None if it was deleted or cannot be switched off."""
+
+    @property
+    def state(self) -> str:
+        """Say what became of the heuristic after its measurement."""
+        if self.name == NOTHING:
+            return "-"
+        return "deleted" if self.patches is None and self.name not in NO_SWITCH else "in use"
 
     @contextmanager
     def switched_off(self) -> Iterator[None]:
@@ -471,6 +480,7 @@ def blocks(results: Mapping[str, Any]) -> dict[str, str]:
                 "worse": int(np.sum(after > engine.CLOSE * before)),
                 "better": int(np.sum(before > engine.CLOSE * after)),
                 "time": f"{100 * (slower - 1):+.0f} %",
+                "state": heuristic.state,
                 "worth": "-" if heuristic.name == NOTHING else "yes" if lost > 0.01 or slower > 1.1 else "no",
             }
         )
