@@ -466,8 +466,8 @@ class Descent:
     @cfunc
     def update_shape(self, s: cython.int):
         """Evaluate the shape of a set."""
-        values = self.shape_values
-        self.shape.evaluate(values[s, 0], values[s, 1], values[s, 2], values[s, 3], self.branch[s])
+        q0, q1, q2, q3 = self.shape_values[s, 0], self.shape_values[s, 1], self.shape_values[s, 2], self.shape_values[s, 3]
+        self.shape.evaluate(q0, q1, q2, q3, self.branch[s])
 
     @cfunc
     def close_at_samples(self, s: cython.int, full: bint) -> bint:
@@ -1036,14 +1036,15 @@ class Descent:
         self.solve_upper(self.step)
         for c in range(self.columns):
             total += self.ridge[c] * self.step[c] * self.step[c]
-        for i in range(self.samples):
-            if self.has_timing:
-                self.angle_step[i] = self.step[self.columns - 1]
-                continue
-            along = self.angle_projection[self.columns, i]
-            for c in range(self.columns):
-                along += self.step[c] * self.angle_projection[c, i]
-            self.angle_step[i] = -along / self.angle_squares[i]
+        n, last = self.samples, self.columns
+        for i in range(n):
+            self.angle_step[i] = self.step[last - 1] if self.has_timing else self.angle_projection[last, i]
+        if not self.has_timing:
+            for c in range(last):
+                for i in range(n):
+                    self.angle_step[i] += self.step[c] * self.angle_projection[c, i]
+            for i in range(n):
+                self.angle_step[i] = -self.angle_step[i] / self.angle_squares[i]
         return total
 
     @cfunc
