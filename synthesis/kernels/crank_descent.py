@@ -466,7 +466,12 @@ class Descent:
     @cfunc
     def update_shape(self, s: cython.int):
         """Evaluate the shape of a set."""
-        q0, q1, q2, q3 = self.shape_values[s, 0], self.shape_values[s, 1], self.shape_values[s, 2], self.shape_values[s, 3]
+        q0, q1, q2, q3 = (
+            self.shape_values[s, 0],
+            self.shape_values[s, 1],
+            self.shape_values[s, 2],
+            self.shape_values[s, 3],
+        )
         self.shape.evaluate(q0, q1, q2, q3, self.branch[s])
 
     @cfunc
