@@ -7,6 +7,9 @@ import time
 from collections.abc import Callable
 from copy import copy
 
+LATEST = 0.25
+"""Seconds by which work without a result may exceed its budget."""
+
 
 class Cancelled(Exception):
     """Raised when the result is no longer needed.
@@ -78,7 +81,8 @@ class Work:
     def expired(self) -> bool:
         """Return True if the budget is used up; raise `Cancelled` like `check`."""
         self.check()
-        return self.elapsed >= self._budget and self._has_result()
+        late = self.elapsed - self._budget
+        return late >= 0 and (late >= LATEST or self._has_result())
 
     def go_on(self) -> None:
         """Raise `OutOfTime` if the budget is used up, and `Cancelled` like `check`.
@@ -108,7 +112,7 @@ class Work:
         return self._clock() - self._begin
 
     def awaiting(self, has_result: Callable[[], bool]) -> Work:
-        """Return the same work whose budget ends it only once there is a result."""
+        """Return the same work whose budget ends it only once there is a result, or a quarter of a second later."""
         work = copy(self)
         work._has_result = has_result
         return work

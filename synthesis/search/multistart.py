@@ -9,8 +9,8 @@ The problem supplies seeds, refinement, perturbation and signature (`SearchProbl
 as kinds of linkages with their drives: each group has its own basins, incumbents and patience, and all share the rounds.
 
 Budget, cancellation and monotonicity belong to this module: incumbents only improve, no round depends on the time, a refinement
-ends early only once an answer is known (`Incumbents.awaited`), and then it does not count. So more time never gives a worse
-answer, and with `search_nested` neither do wider limits.
+ends early only once an answer is known or is a quarter of a second late (`Incumbents.awaited`), and then it does not count if an
+answer is known. So more time never gives a worse answer, and with `search_nested` neither do wider limits.
 """
 
 from __future__ import annotations
@@ -135,7 +135,7 @@ class Incumbents:
         return np.asarray(self.levels[:, 1] > self.tolerance)
 
     def awaited(self, work: Work) -> Work:
-        """Return the work of refinements that lead to answers: their budget ends them only once an answer is known."""
+        """Return the work of refinements that lead to answers: their budget ends them only once an answer is known, or late."""
         return work.awaiting(lambda: math.isfinite(self.smallest))
 
     @property
@@ -369,8 +369,11 @@ class MultiStart(Generic[P]):
 
     @property
     def _counts(self) -> bool:
-        """True if the results of a refinement count, which the time did not cut short: more time would lead them elsewhere."""
-        return not self.work.expired()
+        """True if the results of a refinement count.
+
+        Those that the time cut short count only if nothing is known: more time would lead them elsewhere.
+        """
+        return not (self.work.expired() and math.isfinite(self.incumbents.smallest))
 
     def accept(self, found: Candidates, steps: int | None = None) -> None:
         """Add candidates at all samples that satisfy the limits, or after a few Newton steps do, to the incumbents."""

@@ -94,3 +94,21 @@ def test_more_time_never_gives_a_larger_error(name) -> None:
         staying = [solution for solution in found if (solution.excursion or 0.0) <= LEAVES_SAMPLES]
         errors.append(min((solution.errors.objective for solution in staying), default=np.inf))
     assert np.isfinite(errors[-1]) and never_rising(errors), errors
+
+
+def test_a_first_answer_is_late_by_a_bounded_time() -> None:
+    """A large request with a small budget is answered by an interrupted descent."""
+    random = np.random.default_rng(2)
+    wandering = {
+        "rotation": random.normal(size=400).cumsum(),
+        "position": random.normal(size=(400, 2)).cumsum(axis=0),
+    }
+    clock = Clock(0.02)
+    reply = la.synthesize(
+        **wandering,
+        timing="free",
+        limits={"preset": "none"},
+        budget=0.01,
+        work=lambda budget: Work(budget, clock=clock),
+    )
+    assert reply.solutions and clock.now < 1.5
