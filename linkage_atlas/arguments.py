@@ -121,7 +121,7 @@ def check_required(where: str, values: Fields, names: Iterable[str]) -> None:
 
 
 def known_fields(field: str, value: object, names: tuple[str, ...]) -> dict[str, Any]:
-    """Return the fields of a mapping that are not None; raise FieldError for one whose name is not known."""
+    """Return the fields of a mapping that are not None; raise FieldError for an unknown name."""
     where = f"/{field}" if field else ""
     if not isinstance(value, Mapping):
         raise FieldError(where, f"must be a mapping of {', '.join(names)}")

@@ -103,8 +103,8 @@ class KindSearch:
     def _four_bars(self, part: Work, by_path: bool) -> list[Solution]:
         """Search four-bars and return those whose rotations lead the linkages with sliders.
 
-        The first lead is the first four-bar that any search finds, and the others are those of a complete search: the time does
-        not change their order. ``part``: the fraction of the budget for four-bars.
+        The first lead is the first four-bar that any search finds, and the others come from a complete search: the time does not
+        change their order. ``part``: the fraction of the budget for four-bars.
         """
         kinds, search, limits = self.kinds, self.search_four_bars, self.limits
         leads, report = search(limits, part, self.rounds)

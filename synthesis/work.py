@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from copy import copy
 
-LATEST = 0.25
+OVERRUN_MAX = 0.25
 """Seconds by which work without a result may exceed its budget."""
 
 
@@ -81,8 +81,8 @@ class Work:
     def expired(self) -> bool:
         """Return True if the budget is used up; raise `Cancelled` like `check`."""
         self.check()
-        late = self.elapsed - self._budget
-        return late >= 0 and (late >= LATEST or self._has_result())
+        overrun = self.elapsed - self._budget
+        return overrun >= 0 and (overrun >= OVERRUN_MAX or self._has_result())
 
     def go_on(self) -> None:
         """Raise `OutOfTime` if the budget is used up, and `Cancelled` like `check`.

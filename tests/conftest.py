@@ -82,7 +82,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """Freeze imported and collected objects: the garbage collector need not examine them again, nor run all the time."""
+    """Freeze imported and collected objects: the garbage collector skips them and runs less often."""
     gc.collect()
     gc.freeze()
     gc.set_threshold(100_000)
@@ -143,7 +143,7 @@ COUNTED_BUDGETS = (5, 18, 40, 78, 160, 500)
 
 
 def never_rising(errors: Sequence[float]) -> bool:
-    """Check that no error is 1 % above an earlier one; errors below 1e-9 are rounding."""
+    """Check that no error is 1 % above an earlier error; errors below 1e-9 are rounding."""
     smallest = math.inf
     for error in errors:
         if max(error, 1e-9) > 1.01 * smallest:

@@ -155,16 +155,6 @@ class _Drive(Record):
     pin_forces: Annotated[PinPeaks | None, PinPeaks] = None
     """Largest pin forces of a four-bar with a load; for a motor over both directions."""
 
-    @property
-    def summary(self) -> str:
-        """Describe the drive in a line."""
-        row, length = getattr(self, "name", None), getattr(self, "length", None)
-        words = [f"{NAMES[self.kind]}{'' if row is None else f' ({row})'} on the {self.link}"]
-        words += [] if length is None else [f"{length[0]:.4g} to {length[1]:.4g} long"]
-        peaks = {quantity: getattr(self, f"peak_{quantity}", None) for quantity in ("force", "torque")}
-        words += [f"{quantity} at most {peak:.4g}" for quantity, peak in peaks.items() if peak is not None]
-        return ", ".join(words)
-
 
 @dataclass(frozen=True, kw_only=True)
 class RotaryDrive(_Drive):
@@ -180,6 +170,11 @@ class RotaryDrive(_Drive):
     transmission_angle_min: float | None
     """Smallest transmission angle of a four-bar that is driven at this pivot."""
     curve: RotaryCurve
+
+    @property
+    def summary(self) -> str:
+        """Describe the drive in a line."""
+        return f"{NAMES[self.kind]} on the {self.link}{_at_most('torque', self.peak_torque)}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -198,6 +193,10 @@ class _PinnedDrive(_Drive):
     """Null without a load."""
     envelope: tuple[float, float, float, float]
     """Range of its pins: xmin, ymin, xmax, ymax."""
+
+    @property
+    def _span(self) -> str:
+        return f"{self.length[0]:.4g} to {self.length[1]:.4g} long"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -227,6 +226,12 @@ class ActuatorDrive(_PinnedDrive):
     buckling: Annotated[Buckling | None, Buckling] = None
     curve: ActuatorCurve
 
+    @property
+    def summary(self) -> str:
+        """Describe the drive in a line."""
+        row = "" if self.name is None else f" ({self.name})"
+        return f"actuator{row} on the {self.link}, {self._span}{_at_most('force', self.peak_force)}"
+
 
 @dataclass(frozen=True, kw_only=True)
 class MotorDrive(_PinnedDrive):
@@ -239,8 +244,18 @@ class MotorDrive(_PinnedDrive):
     curve: MotorCurve
     six_bar: SixBar
 
+    @property
+    def summary(self) -> str:
+        """Describe the drive in a line."""
+        loads = _at_most("force", self.peak_force) + _at_most("torque", self.peak_torque)
+        return f"{NAMES[self.kind]} on the {self.link}, {self._span}{loads}"
+
 
 Drive = RotaryDrive | ActuatorDrive | MotorDrive
+
+
+def _at_most(quantity: str, value: float | None) -> str:
+    return "" if value is None else f", {quantity} at most {value:.4g}"
 
 
 # -- springs ----------------------------------------------------------------------------------------------------------
@@ -328,9 +343,11 @@ class _SpringEffect(Record):
         left = f"{100 * after / before:.3g} % of the torque left" if before > 0 else "nothing to carry"
         kind = f"{self.kind} spring"
         row = f" ({self.name})" if self.name and kind not in self.name else ""
-        sizes = {size: getattr(self, size, None) for size in ("stiffness", "rate")}
-        size = " ".join(f"{name} {value:.4g}" for name, value in sizes.items() if value is not None)
-        return f"{self.name if self.name and not row else kind}{row} {'-'.join(self.between)}, {size}: {left}"
+        return f"{self.name if self.name and not row else kind}{row} {'-'.join(self.between)}, {self._size}: {left}"
+
+    @property
+    def _size(self) -> str:
+        raise NotImplementedError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -349,6 +366,10 @@ class TorsionSpring(_SpringEffect):
     twist: tuple[float, float]
     """Smallest and largest."""
     curve: TorsionCurve
+
+    @property
+    def _size(self) -> str:
+        return f"rate {self.rate:.4g}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -369,6 +390,10 @@ class Spring(_SpringEffect):
     exact: bool
     """Balanced in every position, by springs of zero free length."""
     curve: SpringCurve
+
+    @property
+    def _size(self) -> str:
+        return f"stiffness {self.stiffness:.4g}"
 
 
 AnySpring = Spring | TorsionSpring

@@ -306,14 +306,8 @@ class FunctionSearch(SearchProblem):
             cost = np.where(np.isnan(cost), np.inf, cost)
             return Evaluation(cost, np.where(np.isfinite(cost)[:, None, None], stack, 0.0))
 
-        found = minimise(
-            evaluate,
-            unknowns[:, free],
-            np.arange(len(unknowns), dtype=float),
-            steps,
-            0.3 * self.tolerance,
-            self.multistart.work,
-        )
+        labels, work = np.arange(len(unknowns), dtype=float), self.multistart.work
+        found = minimise(evaluate, unknowns[:, free], labels, steps, 0.3 * self.tolerance, work)
         out = unknowns.copy()
         out[:, free] = found.unknowns
         return out, found.cost

@@ -135,7 +135,7 @@ class Incumbents:
         return np.asarray(self.levels[:, 1] > self.tolerance)
 
     def awaited(self, work: Work) -> Work:
-        """Return the work of refinements that lead to answers: their budget ends them only once an answer is known, or late."""
+        """Return the work of refinements that lead to answers: the budget ends them once an answer is known or is late."""
         return work.awaiting(lambda: math.isfinite(self.smallest))
 
     @property

@@ -30,7 +30,7 @@ NO_FORM_FILLING = {
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Run browser tests first, and in each file the tests that share a page before the tests that load a page.
 
-    Tests of the documents follow, which are long too: no process shall be alone with a long file at the end.
+    Tests of the documents follow, which are long too, so that no process ends with a long file while the others are idle.
     """
     here = Path(__file__).parent
 
